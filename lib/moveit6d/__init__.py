@@ -1,0 +1,66 @@
+"""moveit6d follows an object's 6D pose through a video, from its mesh alone, by learned actions.
+
+The public names; never imports what they need before they are used, and never touches a file.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .actions import ActionSpace, PoseAction
+    from .errors import InputError
+    from .estimation import PoseEstimator, PoseTracker, TrackingResult
+    from .geometry.camera import Camera
+    from .geometry.mesh import Mesh
+    from .geometry.pose import Pose
+    from .policies import OraclePolicy, load_policy
+    from .rendering import make_renderer
+
+__version__ = "0.1.0"
+
+# Each public name and the module that it lives in; loaded at first use (PEP 562).
+_HOMES = {
+    "Pose": "geometry.pose",
+    "Camera": "geometry.camera",
+    "Mesh": "geometry.mesh",
+    "PoseAction": "actions",
+    "ActionSpace": "actions",
+    "PoseEstimator": "estimation",
+    "PoseTracker": "estimation",
+    "TrackingResult": "estimation",
+    "OraclePolicy": "policies",
+    "load_policy": "policies",
+    "make_renderer": "rendering",
+    "InputError": "errors",
+}
+
+__all__ = [
+    "Pose",
+    "Camera",
+    "Mesh",
+    "PoseAction",
+    "ActionSpace",
+    "PoseEstimator",
+    "PoseTracker",
+    "TrackingResult",
+    "OraclePolicy",
+    "load_policy",
+    "make_renderer",
+    "InputError",
+    "__version__",
+]
+
+
+def __getattr__(name: str) -> object:
+    """A public name, loaded now; anything else is an `AttributeError` as usual."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value: object = getattr(import_module(f".{_HOMES[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
