@@ -1,0 +1,154 @@
+"""The look-at crop: the part of an image around an object as a virtual camera would see it.
+
+Never renders and never knows a network. The virtual camera has the real camera's centre, its
+optical axis goes through the object's centre, and its focal length makes the object's bounding
+sphere `PATCH_SIZE / PADDING` pixels wide; in its frame every object stands at (0, 0, ‖t‖).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from kornia.geometry.transform import remap
+from torch import Tensor
+
+from .pose import Pose
+
+PATCH_SIZE = 128
+PADDING = 1.4
+# Width of the bounding sphere in the patch, pixels: b in the units of the actions.
+OBJECT_SIZE = PATCH_SIZE / PADDING
+
+
+@dataclass(frozen=True)
+class View:
+    """Virtual cameras that look at objects, one a pose.
+
+    `rotation` (..., 3, 3) turns real-camera coordinates into the virtual camera's; `intrinsics`
+    (..., 3, 3) are the patch's; `distance` (...) is ‖t‖ in metres.
+    """
+
+    rotation: Tensor
+    intrinsics: Tensor
+    distance: Tensor
+
+    def to_virtual(self, pose: Pose) -> Pose:
+        """A pose of the real camera in the virtual camera's frame."""
+        turned = (self.rotation @ pose.translation[..., None])[..., 0]
+        return Pose(self.rotation @ pose.rotation, turned)
+
+    def to_real(self, pose: Pose) -> Pose:
+        """A pose of the virtual camera in the real camera's frame."""
+        back = self.rotation.mT
+        return Pose(back @ pose.rotation, (back @ pose.translation[..., None])[..., 0])
+
+
+def look_at(pose: Pose, sphere_diameter: Tensor) -> View:
+    """The virtual cameras for centred poses (...) of objects of the given diameters (...), metres.
+
+    The turn is the smallest one that takes t/‖t‖ to the optical axis (no roll). Differentiable for
+    objects in front of the camera. METHOD 2.
+    """
+    distance = pose.translation.norm(dim=-1)
+    x, y, z = (pose.translation / distance[..., None]).unbind(-1)
+    # Rotation about (y, −x, 0) that takes (x, y, z) to (0, 0, 1), written out.
+    scale = 1 / (1 + z)
+    rows = [1 - x * x * scale, -x * y * scale, -x, -x * y * scale, 1 - y * y * scale, -y, x, y, z]
+    rotation = torch.stack(rows, -1).reshape(*x.shape, 3, 3)
+    focal = OBJECT_SIZE * distance / sphere_diameter
+    zero, one = torch.zeros_like(focal), torch.ones_like(focal)
+    middle = one * ((PATCH_SIZE - 1) / 2)
+    entries = [focal, zero, middle, zero, focal, middle, zero, zero, one]
+    intrinsics = torch.stack(entries, -1).reshape(*focal.shape, 3, 3)
+    return View(rotation, intrinsics, distance)
+
+
+def crop_homography(view: View, intrinsics: Tensor) -> Tensor:
+    """Pixels of the image → pixels of the patch, H = K_v R_v K⁻¹: (..., 3, 3). METHOD 2."""
+    homography: Tensor = view.intrinsics @ view.rotation @ torch.linalg.inv(intrinsics)
+    return homography
+
+
+def patch_to_image(view: View, intrinsics: Tensor) -> Tensor:
+    """Pixels of the patch → pixels of the image, the inverse of `crop_homography`: (..., 3, 3)."""
+    focal, centre = view.intrinsics[..., 0, 0], view.intrinsics[..., 0, 2]
+    zero, one = torch.zeros_like(focal), torch.ones_like(focal)
+    entries = [1 / focal, zero, -centre / focal, zero, 1 / focal, -centre / focal, zero, zero, one]
+    inverse = torch.stack(entries, -1).reshape(*focal.shape, 3, 3)
+    back: Tensor = intrinsics @ view.rotation.mT @ inverse
+    return back
+
+
+def crop_patches(images: Tensor, view: View, intrinsics: Tensor) -> Tensor:
+    """Patches (B, C, 128, 128) of float images (B, C, H, W) as the virtual cameras see them.
+
+    `intrinsics` (B, 3, 3) are the images'. Outside of the image the patch is black. Gradients flow
+    to the images and to the view. Images much finer than the patch alias: see `crop_patch`.
+    """
+    return _sample(images, patch_to_image(view, intrinsics))
+
+
+def crop_patch(image: Tensor, view: View, intrinsics: Tensor) -> Tensor:
+    """One anti-aliased float patch (C, 128, 128) in [0, 1] of a uint8 or float image (C, H, W).
+
+    Only the window that the patch sees is touched; if it is finer than the patch it is averaged
+    over blocks of whole pixels first. `view` and `intrinsics` are unbatched.
+    """
+    back = patch_to_image(view, intrinsics)
+    finer = float(intrinsics[0, 0] / view.intrinsics[0, 0])  # image pixels a patch pixel
+    factor = max(1, min(int(1.2 * finer), *image.shape[-2:]))
+    window, (left, top) = _window(image, back, factor)
+    scale = 1.0 if window.is_floating_point() else 1 / 255
+    window = window.to(torch.float32)
+    if factor > 1:
+        # Sums of slices: ten times faster here than torch's pooling.
+        window = sum(window[..., k::factor, :] for k in range(factor))  # type: ignore[assignment]
+        window = sum(window[..., k::factor] for k in range(factor))  # type: ignore[assignment]
+    # Half-pixel rule: the first block's centre is (factor − 1) / 2 pixels into the window.
+    offset = back.new_tensor([left + (factor - 1) / 2, top + (factor - 1) / 2])
+    moved = back.clone()
+    moved[:2] = (back[:2] - offset[:, None] * back[2]) / factor
+    return _sample((window * (scale / factor**2))[None], moved[None])[0]
+
+
+def _sample(images: Tensor, back: Tensor) -> Tensor:
+    """Images (B, C, H, W) at the places that homographies (B, 3, 3) send patch pixels to."""
+    line = torch.arange(PATCH_SIZE, dtype=back.dtype, device=back.device)
+    # Each patch pixel (x, y, 1) on its way back to the image: a row, a column and a constant.
+    rows = back[:, :, 1, None] * line + back[:, :, 2, None]  # (B, 3, 128)
+    columns = back[:, :, 0, None] * line
+    x, y, z = (rows[..., None] + columns[:, :, None]).unbind(1)  # (B, 128, 128) each
+    u, v = (x / z).to(images.dtype), (y / z).to(images.dtype)
+    patches: Tensor = remap(images, u, v, align_corners=True)
+    return patches
+
+
+def _window(image: Tensor, back: Tensor, factor: int) -> tuple[Tensor, tuple[int, int]]:
+    """The part of the image that the patch sees, and its corner (left, top).
+
+    At least one pixel, and in whole blocks of `factor` pixels where the image is large enough.
+    """
+    height, width = image.shape[-2:]
+    edge = float(PATCH_SIZE)
+    seen = [[a * x + b * y + c for x in (-1.0, edge) for y in (-1.0, edge)] for a, b, c in
+            back.tolist()]  # fmt: skip
+    if min(seen[2]) <= 0:  # the patch reaches behind the camera: keep the whole image
+        return image[..., : _whole(height, factor), : _whole(width, factor)], (0, 0)
+    u = [x / z for x, z in zip(seen[0], seen[2], strict=True)]
+    v = [y / z for y, z in zip(seen[1], seen[2], strict=True)]
+    left, right = _span(min(u), max(u), width, factor)
+    top, bottom = _span(min(v), max(v), height, factor)
+    return image[..., top:bottom, left:right], (left, top)
+
+
+def _span(low: float, high: float, size: int, factor: int) -> tuple[int, int]:
+    """First pixel and end of the whole blocks between `low` and `high` within `size` pixels."""
+    start = min(max(math.floor(low) - factor, 0), max(size - factor, 0))
+    end = max(min(math.ceil(high) + factor + 1, size), start + 1)
+    return start, start + _whole(end - start, factor)
+
+
+def _whole(length: int, factor: int) -> int:
+    return length // factor * factor

@@ -1,0 +1,258 @@
+"""The object's surface, loaded once and centred, with its sizes, colours, normals and symmetries.
+
+Never knows cameras and never renders.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from .normals import smooth_normals
+from .pose import Pose
+from .surface import PLAIN, read_surface
+from .symmetry import Symmetries
+
+METRES = {"m": 1.0, "mm": 1e-3}
+SIZES = (0.005, 20.0)  # metres: smaller or larger objects are unit mistakes
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A surface of triangles, in metres, in a frame centred on its bounding sphere.
+
+    Users' poses belong to the mesh file's own frame; `inner` and `outer` go between the two:
+    X_file = X_centred + center. Exactly one of `texture` (with `uv`) and `vertex_colors` is set.
+    Two meshes are equal only if they are the same object.
+    """
+
+    name: str
+    vertices: NDArray[np.float32]  # (V, 3), centred
+    faces: NDArray[np.int32]  # (F, 3)
+    normals: NDArray[np.float32]  # (V, 3), smooth across everything
+    corner_normals: NDArray[np.float32]  # (F, 3, 3), smooth but for creases: what is rendered
+    center: NDArray[np.float64]  # (3,), the bounding sphere's centre in the file's frame
+    sphere_diameter: float  # of the bounding sphere: the size that crops go by
+    diameter: float  # largest distance of two vertices: the size that evaluation goes by
+    uv: NDArray[np.float32] | None = None  # (V, 2), OpenGL's convention: v points up
+    texture: NDArray[np.uint8] | None = None  # (H, W, 3) RGB
+    vertex_colors: NDArray[np.uint8] | None = None  # (V, 3) RGB
+    symmetries: Symmetries = field(default_factory=Symmetries)  # in the file's frame
+
+    @staticmethod
+    def load(
+        path: str | Path, unit: Literal["m", "mm"] = "m", symmetries: Symmetries | None = None
+    ) -> Mesh:
+        """Read OBJ, PLY, GLB/glTF or STL; `unit` is what one unit of the file's numbers means."""
+        path = Path(path)
+        surface = read_surface(path)
+        return Mesh.from_arrays(
+            str(path),
+            surface.vertices,
+            surface.faces,
+            uv=surface.uv,
+            texture=surface.texture,
+            vertex_colors=surface.colors,
+            unit=unit,
+            symmetries=symmetries,
+        )
+
+    @staticmethod
+    def from_arrays(
+        name: str,
+        vertices: Any,
+        faces: Any,
+        *,
+        uv: Any = None,
+        texture: Any = None,
+        vertex_colors: Any = None,
+        unit: Literal["m", "mm"] = "m",
+        symmetries: Symmetries | None = None,
+    ) -> Mesh:
+        """From vertices (V, 3) in `unit` and faces (F, 3), with their colours.
+
+        Those are uv (V, 2) and a texture (H, W, 3) uint8, or vertex_colors (V, 3) uint8, or
+        neither (plain grey). `InputError` where something cannot be right.
+        """
+        if unit not in METRES:
+            raise InputError(f"{name}: the unit is {unit!r}, must be one of {', '.join(METRES)}.")
+        points, triangles = _checked(name, vertices, faces)
+        used, triangles = _used(triangles, len(points))
+        points = points[used] * METRES[unit]
+        uv, texture, colors = _appearance(name, len(used), used, uv, texture, vertex_colors)
+        center, diameter = bounding_sphere(points)
+        _check_size(name, diameter, unit)
+        normals, corner_normals = smooth_normals(points, triangles)
+        return Mesh(
+            name=Path(name).stem,
+            vertices=np.ascontiguousarray(points - center, np.float32),
+            faces=np.ascontiguousarray(triangles, np.int32),
+            normals=normals.astype(np.float32),
+            corner_normals=corner_normals.astype(np.float32),
+            center=center,
+            sphere_diameter=diameter,
+            diameter=largest_distance(points),
+            uv=uv,
+            texture=texture,
+            vertex_colors=colors,
+            symmetries=symmetries or Symmetries(),
+        )
+
+    def inner(self, pose: Pose) -> Pose:
+        """The centred frame's pose, given the file frame's (any batch shape)."""
+        return Pose(pose.rotation, pose.translation + self._moved_center(pose))
+
+    def outer(self, pose: Pose) -> Pose:
+        """The file frame's pose, given the centred frame's (any batch shape)."""
+        return Pose(pose.rotation, pose.translation - self._moved_center(pose))
+
+    def sample_points(self, count: int, seed: int = 0) -> NDArray[np.float64]:
+        """Points on the surface, evenly by area, in the file's frame: (count, 3) metres."""
+        random = np.random.default_rng(seed)
+        a, b, c = (self.vertices[self.faces[:, k]].astype(np.float64) for k in range(3))
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        face = random.choice(len(area), count, p=area / area.sum())
+        u, v = random.random((2, count, 1))
+        u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+        a, b, c = a[face], b[face], c[face]
+        return np.asarray(a + u * (b - a) + v * (c - a) + self.center)
+
+    def _moved_center(self, pose: Pose) -> torch.Tensor:
+        return pose.rotation @ torch.from_numpy(self.center).to(pose.rotation)
+
+
+def bounding_sphere(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Centre (3,) and diameter of the smallest sphere around points (N, 3).
+
+    Exact: the smallest sphere around a few points grows by the farthest point of all until none
+    is left outside, and at most four points hold it at any time.
+    """
+    support = points[:1]
+    center, radius = support[0], 0.0
+    for _ in range(1000):  # a dozen are usual
+        distance = np.linalg.norm(points - center, axis=1)
+        farthest = int(distance.argmax())
+        if distance[farthest] <= radius * (1 + 1e-9):
+            break
+        support, center, radius = _sphere_of_few(np.vstack([support, points[farthest]]))
+    return center, 2 * float(np.linalg.norm(points - center, axis=1).max())
+
+
+def largest_distance(points: NDArray[np.float64]) -> float:
+    """The largest distance between two of the points (N, 3).
+
+    Exact up to 8,000 corners of the convex hull; shapes with more are round, and the largest of
+    many sweeps to the farthest corner and back stands for it (wrong by less than 0.1 %).
+    """
+    corners = convex_hull(points)
+    corners = corners - corners.mean(0)  # near zero, where the product below loses no digits
+    square = (corners * corners).sum(1)
+    rows = np.arange(len(corners))
+    if len(corners) > 8000:
+        starts = rows[:: len(corners) // 256]
+        rows = np.unique((square - 2 * corners[starts] @ corners.T).argmax(1))  # the farthest
+    blocks = np.array_split(rows, len(rows) // 256 + 1)
+    largest = max(
+        float((square[block, None] + square - 2 * corners[block] @ corners.T).max())
+        for block in blocks
+        if len(block)
+    )
+    return math.sqrt(max(largest, 0.0))
+
+
+def convex_hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Those of the points (N, 3) that span their convex hull; all of them where they are flat."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return np.asarray(points[ConvexHull(points).vertices])
+    except (QhullError, ValueError):  # flat or tiny: every point counts
+        return np.unique(points, axis=0)
+
+
+def _sphere_of_few(
+    points: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """The smallest sphere around up to five points: those that hold it, its centre and radius."""
+    best = (points, points.mean(0), np.inf)
+    for count in range(2, min(len(points), 4) + 1):
+        for chosen in itertools.combinations(range(len(points)), count):
+            support = points[list(chosen)]
+            edges = support[1:] - support[0]
+            offset = np.linalg.lstsq(2 * edges, (edges * edges).sum(1), rcond=None)[0]
+            center, radius = support[0] + offset, float(np.linalg.norm(offset))
+            reach = np.linalg.norm(points - center, axis=1).max()
+            if reach <= radius * (1 + 1e-9) and radius < best[2]:
+                best = (support, center, radius)
+    return best
+
+
+def _checked(name: str, vertices: Any, faces: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+    points, triangles = np.asarray(vertices, np.float64), np.asarray(faces)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"{name}: vertices must be (V, 3), found {points.shape}.")
+    if triangles.size == 0:
+        raise InputError(f"{name}: the mesh has no faces; a surface of triangles is needed.")
+    if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
+        raise InputError(f"{name}: faces must be integers (F, 3), found {triangles.shape}.")
+    triangles = triangles.astype(np.int64)
+    if triangles.min() < 0 or triangles.max() >= len(points):
+        raise InputError(f"{name}: a face names a vertex that is not there ({len(points)} are).")
+    bad = ~np.isfinite(points).all(axis=1)
+    if bad.any():
+        raise InputError(f"{name}: {int(bad.sum())} vertices are not finite numbers.")
+    return points, triangles
+
+
+def _used(faces: NDArray[Any], count: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The vertices that faces use, and the faces renumbered to them."""
+    used = np.zeros(count, bool)
+    used[faces] = True
+    return np.flatnonzero(used), (np.cumsum(used) - 1)[faces]
+
+
+def _appearance(
+    name: str, count: int, used: NDArray[Any], uv: Any, texture: Any, colors: Any
+) -> tuple[NDArray[np.float32] | None, NDArray[np.uint8] | None, NDArray[np.uint8] | None]:
+    if (texture is None) != (uv is None):
+        raise InputError(f"{name}: a texture and texture coordinates are needed together.")
+    if texture is None:
+        plain = np.full((count, 3), PLAIN, np.uint8)
+        return None, None, plain if colors is None else _colors(name, colors, used)
+    if colors is not None:
+        raise InputError(f"{name}: give a texture or vertex colours, not both.")
+    texture, uv = np.asarray(texture), np.asarray(uv, np.float32)
+    if texture.ndim != 3 or texture.shape[2] != 3 or texture.dtype != np.uint8 or not texture.size:
+        raise InputError(f"{name}: the texture must be (H, W, 3) uint8, found {texture.shape}.")
+    if uv.ndim != 2 or uv.shape[1] != 2 or len(uv) <= used[-1] or not np.isfinite(uv[used]).all():
+        raise InputError(f"{name}: texture coordinates must be finite (V, 2), found {uv.shape}.")
+    return np.ascontiguousarray(uv[used]), np.ascontiguousarray(texture), None
+
+
+def _colors(name: str, colors: Any, used: NDArray[Any]) -> NDArray[np.uint8]:
+    values = np.asarray(colors)
+    if values.ndim != 2 or values.shape[1] != 3 or len(values) <= used[-1]:
+        raise InputError(f"{name}: vertex colours must be (V, 3), found {values.shape}.")
+    if values.dtype != np.uint8:
+        raise InputError(f"{name}: vertex colours must be uint8, found {values.dtype}.")
+    return np.ascontiguousarray(values[used])
+
+
+def _check_size(name: str, diameter: float, unit: str) -> None:
+    low, high = SIZES
+    if low <= diameter <= high:
+        return
+    found = f"{name}: with unit {unit!r} the object is {diameter:.3g} m across"
+    raw = diameter / METRES[unit]
+    for other, metres in METRES.items():
+        if low <= raw * metres <= high:
+            raise InputError(f"{found}: the file looks like unit {other!r}, state that one.")
+    raise InputError(f"{found}, outside of {low} m to {high} m; scale the mesh to metres.")

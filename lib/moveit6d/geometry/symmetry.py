@@ -1,0 +1,113 @@
+"""Symmetries of an object: the motions of its own frame that leave its looks unchanged.
+
+Never guesses them from a mesh; they are declared by the user or read from a data set.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+
+# BOP cuts a full turn into ceil(pi / 0.01) rotations.
+BOP_STEP_DEGREES = 360.0 / 315
+
+
+@dataclass(frozen=True, eq=False)
+class ContinuousSymmetry:
+    """Any rotation about an axis: unit `axis` (3,) through the point `offset` (3,), metres."""
+
+    axis: NDArray[np.float64]
+    offset: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Symmetries:
+    """Discrete motions (S, 4, 4) and continuous axes, in the mesh file's frame, metres.
+
+    The identity need not be among the discrete ones; `transforms` adds it.
+    """
+
+    discrete: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 4, 4)))
+    continuous: tuple[ContinuousSymmetry, ...] = ()
+
+    def __post_init__(self) -> None:
+        discrete = np.asarray(self.discrete, np.float64)
+        if discrete.ndim != 3 or discrete.shape[1:] != (4, 4) or not np.isfinite(discrete).all():
+            raise InputError(
+                f"Symmetries: the discrete ones must be finite (S, 4, 4), found {discrete.shape}."
+            )
+        for number, matrix in enumerate(discrete):
+            _check_rigid(matrix, f"Symmetries: discrete symmetry {number}")
+        object.__setattr__(self, "discrete", discrete)
+
+    @staticmethod
+    def from_bop(info: Mapping[str, Any]) -> Symmetries:
+        """From one object's entry of BOP's models_info.json (millimetres there, metres here)."""
+        matrices = [_matrix_from_bop(flat) for flat in info.get("symmetries_discrete", ())]
+        return Symmetries(
+            np.array(matrices).reshape(-1, 4, 4),
+            tuple(_axis_from_bop(entry) for entry in info.get("symmetries_continuous", ())),
+        )
+
+    @property
+    def is_trivial(self) -> bool:
+        """Whether the object has no symmetry but the identity."""
+        return len(self.discrete) == 0 and not self.continuous
+
+    def transforms(self, step_degrees: float = BOP_STEP_DEGREES) -> NDArray[np.float64]:
+        """All motions as (S, 4, 4), the identity first; axes are cut into steps of this angle.
+
+        As in BOP: every rotation of every axis is composed on the left of every discrete motion;
+        several axes stand side by side and are not multiplied with each other.
+        """
+        if not 0 < step_degrees <= 360:
+            raise InputError(f"Symmetries: step_degrees is {step_degrees}, must be in (0, 360].")
+        count = math.ceil(360.0 / step_degrees - 1e-9)
+        turns = [np.eye(4)]
+        for symmetry in self.continuous:
+            turns += [_turn(symmetry, 2 * math.pi * k / count) for k in range(1, count)]
+        others = [m for m in self.discrete if not np.allclose(m, np.eye(4), atol=1e-9)]
+        discrete = np.stack([np.eye(4), *others])  # (D, 4, 4)
+        composed = np.stack(turns)[None] @ discrete[:, None]  # (D, C, 4, 4)
+        return np.ascontiguousarray(composed.reshape(-1, 4, 4))
+
+
+def _turn(symmetry: ContinuousSymmetry, angle: float) -> NDArray[np.float64]:
+    x, y, z = symmetry.axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    matrix = np.eye(4)
+    matrix[:3, :3] += math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    matrix[:3, 3] = symmetry.offset - matrix[:3, :3] @ symmetry.offset
+    return matrix
+
+
+def _matrix_from_bop(flat: Any) -> NDArray[np.float64]:
+    values = np.asarray(flat, np.float64)
+    if values.size != 16:
+        raise InputError(f"models_info: a discrete symmetry has {values.size} numbers, not 16.")
+    matrix = values.reshape(4, 4).copy()
+    matrix[:3, 3] *= 1e-3
+    return matrix
+
+
+def _axis_from_bop(entry: Mapping[str, Any]) -> ContinuousSymmetry:
+    axis = np.asarray(entry["axis"], np.float64)
+    offset = np.asarray(entry.get("offset", (0, 0, 0)), np.float64)
+    length = float(np.linalg.norm(axis))
+    if axis.shape != (3,) or offset.shape != (3,) or not (length > 0 and np.isfinite(length)):
+        raise InputError(f"models_info: a continuous symmetry needs an axis and an offset: {entry}")
+    return ContinuousSymmetry(axis / length, offset * 1e-3)
+
+
+def _check_rigid(matrix: NDArray[np.float64], what: str) -> None:
+    rotation = matrix[:3, :3]
+    rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3) and np.linalg.det(rotation) > 0
+    if not rigid or not np.allclose(matrix[3], (0, 0, 0, 1)):
+        raise InputError(f"{what} is not a rotation with a translation (4×4, last row 0 0 0 1).")

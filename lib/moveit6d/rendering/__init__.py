@@ -1,0 +1,9 @@
+"""Renderers: from a mesh, a pose and intrinsics to albedo, normal, depth and mask.
+
+Never imports a back end before it is asked for, and never lights a scene beyond one plain lamp.
+"""
+
+from .renderer import GBuffer, Renderer, available_renderers, make_renderer
+from .shading import shade_plain
+
+__all__ = ["GBuffer", "Renderer", "available_renderers", "make_renderer", "shade_plain"]

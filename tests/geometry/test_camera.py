@@ -1,0 +1,75 @@
+"""The camera against OpenCV, and the half-pixel rule."""
+
+import cv2
+import numpy as np
+import pytest
+import torch
+
+from moveit6d.errors import InputError
+from moveit6d.geometry.camera import Camera
+
+CAMERA = Camera(572.4, 573.6, 325.3, 242.0, 640, 480)
+
+
+def points(count: int = 50) -> torch.Tensor:
+    generator = torch.Generator().manual_seed(0)
+    place = torch.randn(count, 3, dtype=torch.float64, generator=generator) * 0.2
+    return place + torch.tensor([0.0, 0, 1])
+
+
+def test_projection_agrees_with_opencv() -> None:
+    expected, _ = cv2.projectPoints(
+        points().numpy(), np.zeros(3), np.zeros(3), CAMERA.matrix().numpy(), np.zeros(5)
+    )
+    assert np.abs(CAMERA.project(points()).numpy() - expected[:, 0]).max() < 1e-9
+
+
+def test_crop_moves_the_pixel_of_a_point_by_the_window_corner() -> None:
+    moved = CAMERA.crop(100, 40, 64, 64).project(points()) - CAMERA.project(points())
+    assert torch.allclose(moved, torch.tensor([-100.0, -40.0], dtype=torch.float64))
+
+
+@pytest.mark.parametrize(("width", "height"), [(320, 240), (1280, 960), (100, 333)])
+def test_resize_keeps_what_pixels_cover(width: int, height: int) -> None:
+    """Pixel (0, 0) is a pixel's centre: an image reaches from −0.5 to width − 0.5."""
+    before, after = CAMERA.project(points()), CAMERA.resize(width, height).project(points())
+    share = (before + 0.5) / torch.tensor([640.0, 480.0])
+    assert torch.allclose((after + 0.5) / torch.tensor([width, height]), share, atol=1e-12)
+
+
+def test_resize_agrees_with_resampling_an_image() -> None:
+    """The centre of a blob stays the projection of its point when OpenCV halves the image."""
+    camera = Camera(500, 500, 319.5, 239.5, 640, 480)
+    point = torch.tensor([0.0213, -0.0378, 1.0], dtype=torch.float64)
+    u, v = camera.project(point).tolist()
+    x, y = np.meshgrid(np.arange(640), np.arange(480))
+    image = np.exp(-((x - u) ** 2 + (y - v) ** 2) / 50).astype(np.float32)
+    small = cv2.resize(image, (320, 240), interpolation=cv2.INTER_AREA)
+    x, y = np.meshgrid(np.arange(320), np.arange(240))
+    found = [(small * x).sum() / small.sum(), (small * y).sum() / small.sum()]
+    assert np.allclose(found, camera.resize(320, 240).project(point).tolist(), atol=0.01)
+
+
+def test_undistortion_agrees_with_opencv() -> None:
+    lens = (0.12, -0.2, 0.001, -0.002, 0.05)
+    camera = Camera(400, 410, 160, 118, 320, 240, lens)
+    random = np.random.default_rng(0)
+    image = cv2.GaussianBlur(random.integers(0, 255, (240, 320, 3), dtype=np.uint8), (0, 0), 3)
+    expected = cv2.undistort(image, camera.matrix().numpy(), np.array(lens))
+    undone, pinhole = camera.undistort(torch.from_numpy(image).permute(2, 0, 1))
+    assert pinhole.distortion is None
+    difference = undone.permute(1, 2, 0).numpy().astype(int) - expected
+    assert np.abs(difference[20:-20, 20:-20]).max() <= 2
+
+
+def test_without_distortion_the_image_is_untouched() -> None:
+    image = torch.zeros(3, 480, 640)
+    assert CAMERA.undistort(image)[0] is image
+
+
+@pytest.mark.parametrize(
+    "values", [(0, 1, 0, 0, 4, 4), (1, float("nan"), 0, 0, 4, 4), (1, 1, 0, 0, 0, 4)]
+)
+def test_impossible_cameras_are_refused(values: tuple[float, ...]) -> None:
+    with pytest.raises(InputError, match="Camera"):
+        Camera(*values)  # type: ignore[arg-type]

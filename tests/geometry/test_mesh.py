@@ -1,0 +1,383 @@
+"""Meshes: files of every format, sizes, frames, normals, sampling and what is refused."""
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from PIL import Image
+
+from moveit6d.errors import InputError
+from moveit6d.geometry.mesh import Mesh, bounding_sphere, largest_distance
+from moveit6d.geometry.pose import Pose
+from moveit6d.geometry.surface import Surface, join
+from tests.support import meshes
+
+TEXTURE = np.random.default_rng(0).integers(0, 255, (16, 8, 3), dtype=np.uint8)
+
+
+def textured(texture=TEXTURE, extents=(0.1, 0.06, 0.04), shift=(0, 0, 0)) -> trimesh.Trimesh:
+    vertices, faces, uv, _ = meshes.box_arrays(extents)
+    visual = trimesh.visual.TextureVisuals(uv=uv, image=Image.fromarray(texture))
+    return trimesh.Trimesh(vertices + np.array(shift), faces, visual=visual, process=False)
+
+
+def colored() -> trimesh.Trimesh:
+    vertices, faces, _, colors = meshes.box_arrays()
+    return trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False)
+
+
+# Files
+
+
+@pytest.mark.parametrize("suffix", ["obj", "glb"])
+def test_textured_files(tmp_path, suffix):
+    textured().export(tmp_path / f"box.{suffix}")
+    mesh = Mesh.load(tmp_path / f"box.{suffix}")
+    assert mesh.name == "box"
+    assert mesh.vertex_colors is None
+    np.testing.assert_array_equal(mesh.texture, TEXTURE)
+    assert mesh.uv.shape == (len(mesh.vertices), 2)
+    corners = {tuple(np.round(row, 6)) for row in mesh.uv}
+    assert corners == {(0, 0), (0, 1), (1, 0), (1, 1)}
+
+
+@pytest.mark.parametrize("suffix", ["ply", "glb", "obj"])
+def test_vertex_coloured_files(tmp_path, suffix):
+    colored().export(tmp_path / f"box.{suffix}")
+    mesh = Mesh.load(tmp_path / f"box.{suffix}")
+    assert mesh.texture is None
+    np.testing.assert_array_equal(np.unique(mesh.vertex_colors, axis=0).shape, (6, 3))
+
+
+def test_stl_is_plain(tmp_path):
+    colored().export(tmp_path / "box.stl")
+    mesh = Mesh.load(str(tmp_path / "box.stl"))
+    assert len(mesh.faces) == 12
+    assert (mesh.vertex_colors == 160).all()
+
+
+def test_ply_with_a_named_texture_file(tmp_path):
+    Image.fromarray(TEXTURE).save(tmp_path / "skin.png")
+    vertices, faces, uv, _ = meshes.box_arrays()
+    lines = ["ply", "format ascii 1.0", "comment TextureFile skin.png", "element vertex 24"]
+    lines += [f"property float {name}" for name in ("x", "y", "z", "texture_u", "texture_v")]
+    lines += ["element face 12", "property list uchar int vertex_indices", "end_header"]
+    rows = np.concatenate([vertices, uv], 1)
+    lines += [" ".join(map(str, row)) for row in rows]
+    lines += ["3 " + " ".join(map(str, face)) for face in faces]
+    (tmp_path / "box.ply").write_text("\n".join(lines) + "\n")
+    np.testing.assert_array_equal(Mesh.load(tmp_path / "box.ply").texture, TEXTURE)
+
+
+def test_face_colours_stay_apart(tmp_path):
+    vertices = [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]]
+    faces, colors = [[0, 1, 2], [0, 2, 3]], [[255, 0, 0, 255], [0, 0, 255, 255]]
+    sheet = trimesh.Trimesh(vertices, faces, face_colors=colors, process=False)
+    sheet.export(tmp_path / "sheet.ply")
+    mesh = Mesh.load(tmp_path / "sheet.ply")
+    per_face = mesh.vertex_colors[mesh.faces]  # (2, 3, 3)
+    np.testing.assert_array_equal(per_face[0], [[255, 0, 0]] * 3)
+    np.testing.assert_array_equal(per_face[1], [[0, 0, 255]] * 3)
+
+
+def test_plain_material_colour_of_an_obj(tmp_path):
+    (tmp_path / "m.mtl").write_text("newmtl red\nKd 1.0 0.0 0.0\n")
+    (tmp_path / "m.obj").write_text(
+        "mtllib m.mtl\nv 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nusemtl red\nf 1 2 3\n"
+    )
+    np.testing.assert_array_equal(Mesh.load(tmp_path / "m.obj").vertex_colors, [[255, 0, 0]] * 3)
+
+
+def test_gltf_colour_factor_is_linear_light(tmp_path):
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=[255, 55, 0, 255])
+    vertices, faces, uv, _ = meshes.box_arrays()
+    visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    trimesh.Trimesh(vertices, faces, visual=visual, process=False).export(tmp_path / "m.glb")
+    colors = Mesh.load(tmp_path / "m.glb").vertex_colors
+    np.testing.assert_allclose(colors[0], [255, 127, 0], atol=1)
+
+
+def test_gltf_colour_factor_dims_a_texture_but_the_grey_that_trimesh_writes_does_not(tmp_path):
+    vertices, faces, uv, _ = meshes.box_arrays()
+    for factor, expected in (([55, 255, 255], [100, 200, 200]), ([102] * 3, [200] * 3)):
+        material = trimesh.visual.material.PBRMaterial(
+            baseColorFactor=[*factor, 255],
+            baseColorTexture=Image.new("RGB", (8, 8), (200, 200, 200)),
+        )
+        visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+        trimesh.Trimesh(vertices, faces, visual=visual, process=False).export(tmp_path / "m.glb")
+        np.testing.assert_allclose(Mesh.load(tmp_path / "m.glb").texture[0, 0], expected, atol=1)
+
+
+def test_sixteen_bit_and_transparent_textures(tmp_path):
+    wide = np.full((4, 4), 200 * 256, np.uint16)
+    for name, picture in (
+        ("wide.png", Image.fromarray(wide)),
+        ("clear.png", Image.new("RGBA", (4, 4), (200, 200, 200, 0))),
+    ):
+        picture.save(tmp_path / name)
+        (tmp_path / "m.mtl").write_text(f"newmtl a\nmap_Kd {name}\n")
+        (tmp_path / "m.obj").write_text(
+            "mtllib m.mtl\nv 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
+            "usemtl a\nf 1/1 2/2 3/3\n"
+        )
+        np.testing.assert_allclose(Mesh.load(tmp_path / "m.obj").texture, 200, atol=1)
+
+
+def test_a_scene_is_joined_with_its_transforms(tmp_path):
+    scene = trimesh.Scene()
+    scene.add_geometry(colored(), transform=trimesh.transformations.translation_matrix([0.2, 0, 0]))
+    scene.add_geometry(colored())
+    scene.export(tmp_path / "scene.glb")
+    mesh = Mesh.load(tmp_path / "scene.glb")
+    assert len(mesh.faces) == 24
+    in_file = mesh.vertices + mesh.center
+    np.testing.assert_allclose(in_file.min(0), [-0.05, -0.03, -0.02], atol=1e-6)
+    np.testing.assert_allclose(in_file.max(0), [0.25, 0.03, 0.02], atol=1e-6)
+
+
+def sampled(mesh: Mesh) -> np.ndarray:
+    """The texture's colour at each vertex, moved a little towards its face's middle."""
+    middle = mesh.uv[mesh.faces].mean(1, keepdims=True)
+    uv = (0.7 * mesh.uv[mesh.faces] + 0.3 * middle).reshape(-1, 2)
+    height, width = mesh.texture.shape[:2]
+    x, y = (uv[:, 0] * width).astype(int), ((1 - uv[:, 1]) * height).astype(int)
+    return mesh.texture[y, x].reshape(-1, 3, 3)
+
+
+def test_several_textures_are_packed_into_one(tmp_path):
+    red = np.full((8, 8, 3), (200, 0, 0), np.uint8)
+    blue = np.full((20, 6, 3), (0, 0, 200), np.uint8)
+    scene = trimesh.Scene([textured(red), textured(blue, shift=(0.2, 0, 0))])
+    scene.export(tmp_path / "two.glb")
+    mesh = Mesh.load(tmp_path / "two.glb")
+    left = (mesh.vertices + mesh.center)[mesh.faces][:, 0, 0] < 0.1
+    colors = sampled(mesh)
+    np.testing.assert_array_equal(np.unique(colors[left].reshape(-1, 3), axis=0), [[200, 0, 0]])
+    np.testing.assert_array_equal(np.unique(colors[~left].reshape(-1, 3), axis=0), [[0, 0, 200]])
+
+
+def test_parts_that_share_a_texture_keep_it_as_it_is():
+    vertices, faces, uv, _ = meshes.box_arrays()
+    part = Surface(vertices, faces, 3 * uv.astype(np.float32), TEXTURE)
+    joined = join([part, Surface(vertices + 1, faces, uv.astype(np.float32), TEXTURE.copy())])
+    np.testing.assert_array_equal(joined.texture, TEXTURE)
+    np.testing.assert_array_equal(joined.uv, np.concatenate([3 * uv, uv]).astype(np.float32))
+    np.testing.assert_array_equal(joined.faces, np.concatenate([faces, faces + 24]))
+
+
+def test_large_textures_are_reduced_to_fit_one_atlas():
+    vertices, faces, uv, _ = meshes.box_arrays()
+    parts = [
+        Surface(vertices, faces, uv.astype(np.float32), np.full((2048, 2048, 3), grey, np.uint8))
+        for grey in range(40, 45)
+    ]
+    joined = join(parts)
+    assert max(joined.texture.shape) <= 4096 + 100
+    assert set(np.unique(joined.texture)) >= set(range(40, 45))
+
+
+def test_an_obj_with_a_texture_and_a_plain_material(tmp_path):
+    Image.fromarray(np.full((8, 8, 3), (0, 200, 0), np.uint8)).save(tmp_path / "green.png")
+    (tmp_path / "m.mtl").write_text("newmtl a\nmap_Kd green.png\nnewmtl b\nKd 1 0 0\n")
+    (tmp_path / "m.obj").write_text(
+        "mtllib m.mtl\nv 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0.1 0.1 0\n"
+        "vt 0.1 0.1\nvt 0.9 0.1\nvt 0.1 0.9\nvt 0.9 0.9\n"
+        "usemtl a\nf 1/1 2/2 3/3\nusemtl b\nf 2/2 4/4 3/3\n"
+    )
+    mesh = Mesh.load(tmp_path / "m.obj")
+    colors = {tuple(color) for color in sampled(mesh).reshape(-1, 3)}
+    assert colors == {(0, 200, 0), (255, 0, 0)}
+
+
+def test_repeating_textures_of_several_materials_become_vertex_colours(tmp_path):
+    green = textured(np.full((8, 8, 3), (0, 200, 0), np.uint8))
+    green.visual.uv = green.visual.uv * 3.0
+    trimesh.Scene([green, textured(TEXTURE, shift=(0.2, 0, 0))]).export(tmp_path / "two.glb")
+    mesh = Mesh.load(tmp_path / "two.glb")
+    assert mesh.texture is None
+    left = (mesh.vertices + mesh.center)[:, 0] < 0.1
+    np.testing.assert_array_equal(np.unique(mesh.vertex_colors[left], axis=0), [[0, 200, 0]])
+
+
+# Frames and sizes
+
+
+def test_the_frame_is_centred_on_the_bounding_sphere():
+    mesh = meshes.colored_box((0.1, 0.06, 0.04), offset=(1, 2, 3))
+    diagonal = np.linalg.norm((0.1, 0.06, 0.04))
+    np.testing.assert_allclose(mesh.center, [1, 2, 3], atol=1e-9)
+    assert mesh.sphere_diameter == pytest.approx(diagonal)
+    assert mesh.diameter == pytest.approx(diagonal)
+    assert np.linalg.norm(mesh.vertices, axis=1).max() == pytest.approx(diagonal / 2, rel=1e-6)
+    assert (mesh.vertices.dtype, mesh.faces.dtype, mesh.normals.dtype) == ("f4", "i4", "f4")
+
+
+def test_sphere_and_evaluation_diameters_differ_for_a_tetrahedron():
+    corners = 0.1 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    mesh = Mesh.from_arrays("t", corners, [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
+    assert mesh.sphere_diameter == pytest.approx(0.2 * np.sqrt(3))
+    assert mesh.diameter == pytest.approx(0.2 * np.sqrt(2))
+
+
+@pytest.mark.parametrize("flat", [(0, 1, 2), (0, 1), (0,)])
+def test_bounding_sphere_of_few_and_flat_points(flat):
+    points = np.zeros((50, 3))
+    points[:, list(flat)] = np.random.default_rng(0).uniform(-1, 1, (50, len(flat)))
+    center, diameter = bounding_sphere(points)
+    farthest = np.linalg.norm(points - center, axis=1).max()
+    assert 2 * farthest == pytest.approx(diameter)
+    # No sphere can be smaller than the largest distance nor need be larger than Jung's bound.
+    largest = max(np.linalg.norm(a - b) for a in points for b in points)
+    assert largest_distance(points) == pytest.approx(largest)
+    assert largest <= diameter * (1 + 1e-9)
+    assert diameter <= largest * np.sqrt(1.5) * 1.001
+
+
+def test_millimetres_are_converted():
+    vertices, faces, _, _ = meshes.box_arrays((100, 60, 40))
+    mesh = Mesh.from_arrays("box", vertices + 1000, faces, unit="mm")
+    assert mesh.diameter == pytest.approx(np.linalg.norm((0.1, 0.06, 0.04)))
+    np.testing.assert_allclose(mesh.center, [1, 1, 1], atol=1e-9)
+
+
+def test_vertices_without_a_face_do_not_count():
+    vertices, faces, _, colors = meshes.box_arrays()
+    vertices = np.concatenate([[[9, 9, 9]], vertices])
+    colors = np.concatenate([[[1, 1, 1]], colors]).astype(np.uint8)
+    mesh = Mesh.from_arrays("box", vertices, faces + 1, vertex_colors=colors)
+    assert mesh.diameter == pytest.approx(np.linalg.norm((0.1, 0.06, 0.04)))
+    np.testing.assert_array_equal(mesh.vertex_colors, colors[1:])
+
+
+def test_inner_and_outer_undo_each_other_and_show_the_same_points():
+    mesh = meshes.colored_box(offset=(0.3, -0.2, 0.1))
+    turns = np.stack([meshes.rotation(seed) for seed in (1, 2)])
+    outer = Pose(torch.tensor(turns), torch.tensor([[0, 0, 1.0], [0.1, 0.2, 0.5]]).double())
+    inner = mesh.inner(outer)
+    torch.testing.assert_close(mesh.outer(inner).translation, outer.translation)
+    centred = torch.from_numpy(mesh.vertices).double().expand(2, -1, 3)
+    in_file = centred + torch.from_numpy(mesh.center)
+    torch.testing.assert_close(
+        inner.transform(centred), outer.transform(in_file), atol=1e-6, rtol=0
+    )
+
+
+def test_meshes_are_equal_only_to_themselves():
+    first, second = meshes.colored_box(), meshes.colored_box()
+    assert first == first
+    assert first != second
+    assert len({first, second, first}) == 2
+
+
+# Normals
+
+
+def test_normals_cross_a_seam_but_not_a_crease():
+    # Two coplanar triangles that share no vertex, and a third at a right angle.
+    vertices = 0.1 * np.array(
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 0], [0, 1, 0],
+         [0, 0, 1]]
+    )  # fmt: skip
+    mesh = Mesh.from_arrays("seam", vertices, [[0, 1, 2], [3, 4, 5], [6, 7, 8]])
+    np.testing.assert_allclose(mesh.corner_normals[0], [[0, 0, 1]] * 3, atol=1e-6)
+    np.testing.assert_allclose(mesh.corner_normals[2], [[1, 0, 0]] * 3, atol=1e-6)
+    np.testing.assert_allclose(mesh.normals[0], mesh.normals[6], atol=1e-6)  # merged by position
+    np.testing.assert_allclose(mesh.normals[4], [0, 0, 1], atol=1e-6)
+
+
+def test_normals_of_a_sphere_point_outwards():
+    mesh = meshes.sphere(subdivisions=4)
+    radial = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
+    cosine = (radial * mesh.normals).sum(1)
+    assert np.degrees(np.arccos(cosine.min().clip(-1, 1))) < 0.5
+    corner = (radial[mesh.faces] * mesh.corner_normals).sum(-1)
+    assert np.degrees(np.arccos(corner.min().clip(-1, 1))) < 0.5
+
+
+def test_both_sides_of_a_sheet_keep_their_normals():
+    vertices = 0.1 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]])
+    mesh = Mesh.from_arrays("sheet", vertices, [[0, 1, 2], [0, 2, 1]])
+    np.testing.assert_allclose(mesh.corner_normals[:, 0], [[0, 0, 1], [0, 0, -1]], atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-6)
+
+
+# Sampling
+
+
+def test_sampled_points_lie_on_the_surface_evenly():
+    mesh = meshes.colored_box((0.1, 0.06, 0.04), offset=(1, 0, 0))
+    points = mesh.sample_points(6000, seed=3)
+    assert points.shape == (6000, 3) and points.dtype == np.float64
+    scaled = np.abs(points - (1, 0, 0)) / (0.05, 0.03, 0.02)
+    np.testing.assert_allclose(scaled.max(1), 1, atol=1e-5)
+    areas = np.array([0.06 * 0.04, 0.1 * 0.04, 0.1 * 0.06])
+    share = np.bincount(scaled.argmax(1), minlength=3) / 6000
+    np.testing.assert_allclose(share, areas / areas.sum(), atol=0.03)
+    np.testing.assert_array_equal(points, mesh.sample_points(6000, seed=3))
+
+
+# Bad input
+
+
+def test_files_that_are_refused(tmp_path):
+    with pytest.raises(InputError, match="no such mesh file"):
+        Mesh.load(tmp_path / "none.obj")
+    (tmp_path / "notes.txt").write_text("hello")
+    with pytest.raises(InputError, match="must be one of"):
+        Mesh.load(tmp_path / "notes.txt")
+    (tmp_path / "broken.glb").write_bytes(b"glTF broken")
+    with pytest.raises(InputError, match="cannot be read"):
+        Mesh.load(tmp_path / "broken.glb")
+    (tmp_path / "points.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+        "property float z\nend_header\n0 0 0\n"
+    )
+    with pytest.raises(InputError, match="no faces"):
+        Mesh.load(tmp_path / "points.ply")
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".stl", ".glb"])
+def test_an_empty_file_is_refused(tmp_path, suffix):
+    (tmp_path / f"empty{suffix}").write_bytes(b"")
+    with pytest.raises(InputError, match=f"empty{suffix}"):
+        Mesh.load(tmp_path / f"empty{suffix}")
+
+
+def test_units_that_cannot_be_are_refused_with_the_likely_one():
+    vertices, faces, _, _ = meshes.box_arrays((100, 60, 40))
+    with pytest.raises(InputError, match=r"123 m across.*looks like unit 'mm'"):
+        Mesh.from_arrays("drill.ply", vertices, faces, unit="m")
+    with pytest.raises(InputError, match="looks like unit 'm'"):
+        Mesh.from_arrays("drill.ply", vertices / 1000, faces, unit="mm")
+    with pytest.raises(InputError, match="scale the mesh"):
+        Mesh.from_arrays("drill.ply", vertices * 1e6, faces, unit="m")
+    with pytest.raises(InputError, match="'inch'"):
+        Mesh.from_arrays("drill.ply", vertices, faces, unit="inch")
+
+
+BOX = meshes.box_arrays()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"vertices": np.full((24, 3), np.nan)}, "24 vertices are not finite"),
+        ({"vertices": np.zeros((24, 3))}, "0 m across"),
+        ({"vertices": BOX[0][:, :2]}, "must be .V, 3."),
+        ({"faces": np.empty((0, 3), int)}, "no faces"),
+        ({"faces": BOX[1] + 20}, "a vertex that is not there"),
+        ({"faces": BOX[1].astype(float)}, "faces must be integers"),
+        ({"texture": TEXTURE}, "together"),
+        ({"texture": TEXTURE, "uv": np.full((24, 2), np.inf)}, "finite"),
+        ({"texture": TEXTURE, "uv": BOX[2][:5]}, "texture coordinates"),
+        ({"texture": TEXTURE / 255, "uv": BOX[2]}, "uint8"),
+        ({"texture": TEXTURE, "uv": BOX[2], "vertex_colors": BOX[3]}, "not both"),
+        ({"vertex_colors": BOX[3][:3]}, "vertex colours"),
+        ({"vertex_colors": BOX[3] / 255}, "uint8"),
+    ],
+)
+def test_arrays_that_are_refused(change, words):
+    arrays = {"vertices": BOX[0], "faces": BOX[1], **change}
+    with pytest.raises(InputError, match=words):
+        Mesh.from_arrays("box.obj", arrays.pop("vertices"), arrays.pop("faces"), **arrays)

@@ -1,0 +1,78 @@
+"""Symmetries: BOP's rule of composition, units, and what is refused."""
+
+import numpy as np
+import pytest
+
+from moveit6d.errors import InputError
+from moveit6d.geometry.symmetry import ContinuousSymmetry, Symmetries
+
+HALF_TURN = [-1, 0, 0, 10, 0, -1, 0, 20, 0, 0, 1, 0, 0, 0, 0, 1]  # about z through (5, 10), mm
+
+
+def test_without_any_only_the_identity():
+    symmetries = Symmetries()
+    assert symmetries.is_trivial
+    np.testing.assert_array_equal(symmetries.transforms(), np.eye(4)[None])
+
+
+def test_bop_discrete_is_converted_to_metres():
+    symmetries = Symmetries.from_bop({"diameter": 100.0, "symmetries_discrete": [HALF_TURN]})
+    transforms = symmetries.transforms()
+    assert transforms.shape == (2, 4, 4)
+    np.testing.assert_allclose(transforms[1, :3, 3], [0.01, 0.02, 0], atol=1e-12)
+    assert not symmetries.is_trivial
+
+
+def test_bop_continuous_is_cut_into_315_rotations_about_the_offset():
+    info = {"symmetries_continuous": [{"axis": [0, 0, 2], "offset": [5, 10, 0]}]}
+    transforms = Symmetries.from_bop(info).transforms()
+    assert transforms.shape == (315, 4, 4)
+    np.testing.assert_array_equal(transforms[0], np.eye(4))
+    offset = np.array([0.005, 0.01, 0.3, 1])  # any point of the axis stays where it is
+    np.testing.assert_allclose(transforms @ offset, np.tile(offset, (315, 1)), atol=1e-12)
+    steps = np.degrees(np.arccos((np.trace(transforms[1, :3, :3]) - 1) / 2))
+    assert steps == pytest.approx(360 / 315)
+
+
+def test_continuous_is_composed_on_the_left_of_discrete():
+    tilt = np.diag([1.0, -1, -1, 1])  # half a turn about x
+    axis = ContinuousSymmetry(np.array([0.0, 0, 1]), np.zeros(3))
+    transforms = Symmetries(tilt[None], (axis,)).transforms(step_degrees=90)
+    assert transforms.shape == (8, 4, 4)
+    quarter = np.array([[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+    np.testing.assert_allclose(transforms[1], quarter, atol=1e-12)
+    np.testing.assert_allclose(transforms[5], quarter @ tilt, atol=1e-12)
+
+
+def test_two_axes_stand_side_by_side():
+    axes = tuple(ContinuousSymmetry(np.eye(3)[k], np.zeros(3)) for k in (0, 2))
+    assert len(Symmetries(continuous=axes).transforms(step_degrees=90)) == 1 + 3 + 3
+
+
+def test_an_identity_among_the_discrete_ones_is_not_repeated():
+    assert len(Symmetries(np.eye(4)[None]).transforms()) == 1
+
+
+def test_a_sphere_symmetry_leaves_the_point_set_unchanged():
+    symmetries = Symmetries.from_bop({"symmetries_discrete": [HALF_TURN]})
+    points = np.array([[0.005, 0.01, 0], [0.015, 0.01, 0], [-0.005, 0.01, 0]])
+    moved = points @ symmetries.transforms()[1, :3, :3].T + symmetries.transforms()[1, :3, 3]
+    np.testing.assert_allclose(moved, points[[0, 2, 1]], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("info", "words"),
+    [
+        ({"symmetries_discrete": [[1, 0, 0]]}, "3 numbers, not 16"),
+        ({"symmetries_discrete": [[-1, *HALF_TURN[1:5], 1, *HALF_TURN[6:]]]}, "not a rotation"),
+        ({"symmetries_continuous": [{"axis": [0, 0, 0]}]}, "needs an axis"),
+    ],
+)
+def test_bad_entries_are_refused(info, words):
+    with pytest.raises(InputError, match=words):
+        Symmetries.from_bop(info)
+
+
+def test_bad_steps_are_refused():
+    with pytest.raises(InputError, match="step_degrees"):
+        Symmetries().transforms(step_degrees=0)
