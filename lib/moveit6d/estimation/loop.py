@@ -1,0 +1,251 @@
+"""The action decision process: crop, render, decide, move, until a stop rule ends it.
+
+Never knows a network, only the policy protocol. Paper, section "Method"; METHOD 6.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ..actions import PoseAction, difference
+from ..errors import InputError
+from ..geometry.camera import Camera
+from ..geometry.crop import View, crop_patch, look_at
+from ..geometry.mesh import Mesh
+from ..geometry.pose import Pose
+from ..observation import Observation, observe
+from ..policies import MoveMode, Policy, Situation, choose_move
+from ..rendering.renderer import Renderer
+from .frame import Frame, prepare_frame
+
+# Cycles at most: the paper's limit for single steps; with all axes at once more than six gain
+# little from far starts and lose near ones (measured on training objects that were held out).
+MAX_STEPS = {MoveMode.SINGLE: 30, MoveMode.ALL_AXES: 6}
+NEAREST = 0.55  # distance in sphere diameters under which the camera would be inside the object
+
+
+class StopReason(StrEnum):
+    """Why a loop ended."""
+
+    STOP_ACTION = "stop_action"
+    REVISITED = "revisited"  # a pose of this loop came again: oscillation
+    MAX_STEPS = "max_steps"
+    FAILED = "failed"  # no pose; the result's `error` says why
+
+
+@dataclass(frozen=True)
+class Target:
+    """One object to look for in one image; the pose is in the mesh file's frame.
+
+    `image` is RGB (H, W, 3), or a `Frame` if several targets or loops share it.
+    """
+
+    image: Any
+    camera: Camera
+    mesh: Mesh
+    pose: Pose
+
+
+@dataclass(frozen=True)
+class TrackingResult:
+    """The outcome of a loop.
+
+    `pose` is unbatched float64 in the mesh file's frame, None if it failed; `confidence` in [0, 1]
+    is the policy's belief that the pose is right; `milliseconds` passed until this object was done.
+    """
+
+    pose: Pose | None
+    steps: int
+    stopped_by: StopReason
+    confidence: float
+    milliseconds: float
+    error: str | None = None
+
+
+def refine_batch(
+    targets: Sequence[Target],
+    *,
+    policy: Policy,
+    renderer: Renderer,
+    max_steps: int | None = None,
+) -> list[TrackingResult]:
+    """Run the loop for all targets at once, one batch a cycle; each ends by its own stop rule.
+
+    `max_steps` is the limit of cycles, `MAX_STEPS` of the policy's mode if None. Raises
+    `InputError` if an image does not fit its camera or a start pose is out of sight.
+    """
+    if not targets:
+        return []
+    limit = MAX_STEPS[policy.mode] if max_steps is None else max_steps
+    begin = time.perf_counter()
+    scene = _Scene.of(targets)
+    pose, trails = scene.pose, [_Trail(camera) for camera in scene.cameras]
+    results: list[TrackingResult | None] = [None] * len(targets)
+    active = torch.arange(len(targets))
+    for step in range(1, limit + 1):
+        if not len(active):
+            break
+        diameter, current = scene.diameter[active], pose[active]
+        seen = scene.observe(active, current, renderer)
+        decision = policy.decide(seen, Situation(current, diameter, active))
+        action = choose_move(decision, policy.mode)
+        moved = action.apply(current, diameter)
+        going = []
+        for row, i in enumerate(active.tolist()):
+            end = trails[i].add(moved[row], diameter[row], action, decision.confidence, row)
+            if end is None and step == limit:
+                end = StopReason.MAX_STEPS
+            if end is None:
+                going.append(row)
+                continue
+            milliseconds = (time.perf_counter() - begin) * 1e3
+            results[i] = trails[i].result(scene.meshes[i], end, step, milliseconds)
+        pose = Pose(
+            pose.rotation.index_copy(0, active, moved.rotation),
+            pose.translation.index_copy(0, active, moved.translation),
+        )
+        active = active[going]
+    return [result for result in results if result is not None]
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """What stays the same during a loop, and the centred float64 poses (N) it starts from."""
+
+    images: list[Tensor]
+    cameras: list[Camera]
+    intrinsics: list[Tensor]
+    meshes: list[Mesh]
+    diameter: Tensor
+    pose: Pose
+
+    @staticmethod
+    def of(targets: Sequence[Target]) -> _Scene:
+        prepared: dict[int, Frame] = {}
+        for target in targets:  # several objects may share an image: prepare it once
+            if id(target.image) not in prepared:
+                prepared[id(target.image)] = prepare_frame(target.image, target.camera)
+        frames = [prepared[id(target.image)] for target in targets]
+        for target, frame in zip(targets, frames, strict=True):
+            check_start(target.pose, target.mesh, frame.camera)
+        poses = [target.mesh.inner(target.pose.to(torch.float64)) for target in targets]
+        return _Scene(
+            [frame.pixels for frame in frames],
+            [frame.camera for frame in frames],
+            [frame.camera.matrix() for frame in frames],
+            [target.mesh for target in targets],
+            torch.tensor([t.mesh.sphere_diameter for t in targets], dtype=torch.float64),
+            Pose.stack(poses),
+        )
+
+    def observe(self, active: Tensor, pose: Pose, renderer: Renderer) -> Observation:
+        """Crop and render for the active targets at their current poses."""
+        chosen = active.tolist()
+        view = look_at(pose, self.diameter[active])
+        patches = [
+            crop_patch(
+                self.images[i],
+                View(view.rotation[row], view.intrinsics[row], view.distance[row]),
+                self.intrinsics[i],
+            )
+            for row, i in enumerate(chosen)
+        ]
+        meshes = [self.meshes[i] for i in chosen]
+        gbuffer = renderer.render(meshes, view.to_virtual(pose), view.intrinsics)
+        return observe(torch.stack(patches), gbuffer, view, self.diameter[active])
+
+
+class _Trail:
+    """The poses that one target has visited, and whether the next one ends its loop."""
+
+    def __init__(self, camera: Camera) -> None:
+        self.camera = camera
+        self.error = ""
+        self.poses: list[Pose] = []
+        self.confidences: list[float] = []
+        self.best = -1
+
+    def add(
+        self, pose: Pose, diameter: Tensor, action: PoseAction, confidence: Tensor, row: int
+    ) -> StopReason | None:
+        """Record the pose after a move; the reason to stop now, if there is one."""
+        self.error = "a move led to numbers that are not finite"
+        if torch.isfinite(pose.translation).all():
+            self.error = out_of_sight(pose.translation, float(diameter), self.camera) or ""
+        if self.error:
+            return StopReason.FAILED
+        seen_before = self._revisited(pose, diameter)
+        self.poses.append(pose)
+        self.confidences.append(float(confidence[row]))
+        if bool(action.stop[row]) or seen_before is None:
+            self.best = len(self.poses) - 1
+            return StopReason.STOP_ACTION if bool(action.stop[row]) else None
+        cycle = range(seen_before, len(self.poses))
+        self.best = max(cycle, key=lambda i: self.confidences[i])
+        return StopReason.REVISITED
+
+    def _revisited(self, pose: Pose, diameter: Tensor) -> int | None:
+        """The first earlier pose that is the same to half a step on every axis."""
+        if not self.poses:
+            return None
+        earlier = Pose.stack(self.poses)
+        here = Pose(
+            pose.rotation.expand_as(earlier.rotation),
+            pose.translation.expand_as(earlier.translation),
+        )
+        counts = difference(here, earlier, diameter.expand(len(earlier)))
+        same = (counts.abs().amax(-1) < 0.5).nonzero()
+        return int(same[0, 0]) if len(same) else None
+
+    def result(
+        self, mesh: Mesh, reason: StopReason, steps: int, milliseconds: float
+    ) -> TrackingResult:
+        if reason is StopReason.FAILED or not self.poses:
+            # What to check is for starts; a track that got here began well.
+            error = f"The object is lost: {self.error.split(';')[0]}."
+            return TrackingResult(None, steps, StopReason.FAILED, 0.0, milliseconds, error)
+        pose = mesh.outer(self.poses[self.best])
+        confidence = self.confidences[self.best]
+        return TrackingResult(pose, steps, reason, confidence, milliseconds)
+
+
+def check_start(pose: Pose, mesh: Mesh, camera: Camera) -> None:
+    """Refuse a start pose (mesh file's frame) whose object the camera cannot see at all."""
+    if pose.batch_shape != ():
+        raise InputError(f"Start pose must be a single one, found batch {tuple(pose.batch_shape)}.")
+    if not (torch.isfinite(pose.rotation).all() and torch.isfinite(pose.translation).all()):
+        raise InputError("Start pose holds a number that is not finite.")
+    centre = mesh.inner(pose.to(torch.float64)).translation
+    problem = out_of_sight(centre, mesh.sphere_diameter, camera)
+    if problem is not None:
+        raise InputError(f"Start pose: {problem}.")
+
+
+def out_of_sight(centre: Tensor, diameter: float, camera: Camera) -> str | None:
+    """Why the camera cannot see a sphere with this centre (3,) and diameter, metres, if so."""
+    x, y, depth = centre.tolist()
+    if depth <= 0:
+        return f"the object is behind the camera (z = {depth:.3g} m; z points forward)"
+    if depth < NEAREST * diameter:
+        return (
+            f"the camera is inside the object (z = {depth:.3g} m, object {diameter:.3g} m across); "
+            "check the unit of the mesh and of the pose"
+        )
+    u, v = camera.fx * x / depth + camera.cx, camera.fy * y / depth + camera.cy
+    reach = 0.5 * diameter * camera.fx / depth
+    if not (-reach < u < camera.width + reach and -reach < v < camera.height + reach):
+        size = f"{camera.width}×{camera.height}"
+        return f"the object is outside of the image (centre at pixel {u:.0f}, {v:.0f} of {size})"
+    if reach < 2:
+        return (
+            f"the object is {2 * reach:.2g} pixels wide; check the unit of the mesh (now "
+            f"{diameter:.3g} m across) and of the pose (z = {depth:.3g} m)"
+        )
+    return None

@@ -1,0 +1,242 @@
+"""The correlation network: match observation and rendering, then solve for all six counts at once.
+
+Never renders and never applies a move. METHOD 9b and 9e: one encoder for both pictures, local
+correlation at stride 8, again at stride 4 around the first answer, displacement, visibility and
+weight a cell, a differentiable least squares, and a head with a correction, the 13 action logits
+and the confidence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from ..geometry.crop import PATCH_SIZE
+from ..observation import Observation
+from .blocks import Residual, attention_pool, conv_block
+from .decision import Decision
+from .least_squares import cell_pixels, jacobian, solve_counts, surface_points
+
+# Prior of the least squares for t_x, t_y, t_z and the three turns; learnable. Measured to matter:
+# with 1e-3 everywhere its loss stays a fifth higher.
+_DAMPING = (4e-3, 4e-3, 1e-2, 8e-3, 8e-3, 8e-3)
+_HEAD_SCALE = 3.0  # counts that an output of 1 of the head stands for
+
+
+@dataclass(frozen=True)
+class CorrelationConfig:
+    """Sizes of a `CorrelationNet`; the defaults are the shipped network's."""
+
+    channels: tuple[int, int, int] = (24, 32, 64)  # encoder at strides 2, 4, 8
+    geometry: tuple[int, int, int] = (12, 24, 32)  # the rendering's own encoder
+    context: int = 48
+    decoder: int = 64  # stride 8
+    fine: int = 32  # stride 4: matching and decoder
+    radius: int = 4  # of the correlation at stride 8, cells
+    fine_radius: int = 3  # at stride 4, cells
+    use_depth: bool = True
+
+
+@dataclass(frozen=True)
+class CellAnswer:
+    """Answers a cell at one stride: displacement (B, 2, n, n) in pixels, logits (B, n, n)."""
+
+    displacement: Tensor
+    weight: Tensor
+    visibility: Tensor
+
+
+@dataclass(frozen=True)
+class CorrelationOutput:
+    """Everything that training looks at; `decision` is what the loop needs.
+
+    `matching` (B, cells, offsets) are scaled correlation logits at stride 8, `solved` (B, 6) the
+    least squares before the head's correction.
+    """
+
+    matching: Tensor
+    coarse: CellAnswer
+    fine: CellAnswer
+    solved: Tensor
+    confidence_logit: Tensor
+    decision: Decision
+
+
+class CorrelationNet(nn.Module):
+    """Observation → decision; about 0.3 M parameters with the default sizes."""
+
+    offsets: Tensor
+    coarse_index: Tensor
+    fine_index: Tensor
+    fine_pixels: Tensor
+
+    def __init__(self, config: CorrelationConfig | None = None) -> None:
+        super().__init__()
+        self.config = config = config or CorrelationConfig()
+        c2, c4, c8 = config.channels
+        g2, g4, g8 = config.geometry
+        self.encode4 = nn.Sequential(conv_block(3, c2, 2, 5), conv_block(c2, c4, 2), Residual(c4))
+        self.encode8 = nn.Sequential(conv_block(c4, c8, 2), Residual(c8), nn.Conv2d(c8, c8, 1))
+        self.geometry4 = nn.Sequential(conv_block(5, g2, 2, 5), conv_block(g2, g4, 2))
+        self.geometry8 = conv_block(g4, g8, 2)
+        offsets = (2 * config.radius + 1) ** 2
+        self.context = conv_block(2 * c8 + g8, config.context, 1, 1)
+        self.decode = nn.Sequential(
+            conv_block(offsets + config.context + 2, config.decoder), Residual(config.decoder)
+        )
+        self.answer = nn.Conv2d(config.decoder, 4, 3, 1, 1)
+        self.attend = nn.Conv2d(config.decoder, 1, 1)
+        fine = config.fine
+        self.fine_match = nn.Conv2d(c4, fine, 1)
+        self.fine_context = conv_block(fine + g4 + config.decoder, fine, 1, 1)
+        fine_offsets = (2 * config.fine_radius + 1) ** 2
+        self.fine_decode = nn.Sequential(
+            conv_block(fine_offsets + fine + 2, fine), conv_block(fine, fine)
+        )
+        self.fine_answer = nn.Conv2d(fine, 4, 3, 1, 1)
+        self.head = nn.Sequential(
+            nn.Linear(config.decoder + fine + 6, 128), nn.ReLU(inplace=True), nn.Linear(128, 20)
+        )
+        self.temperature = nn.Parameter(torch.tensor(2.5))  # logarithm
+        self.damping = nn.Parameter(torch.tensor(_DAMPING).log())
+        self._add_constants()
+
+    def _add_constants(self) -> None:
+        """Index tables; not part of the weights file."""
+        r, q = self.config.radius, self.config.fine_radius
+        line = torch.arange(-r, r + 1, dtype=torch.float32)
+        dy, dx = torch.meshgrid(line, line, indexing="ij")
+        constants = {
+            "offsets": torch.stack([dx, dy], -1).reshape(-1, 2),
+            "coarse_index": _window_index(PATCH_SIZE // 8, r),
+            "fine_index": _window_index(_BLOCK, q),
+            "fine_pixels": cell_pixels(4),
+        }
+        for name, value in constants.items():
+            self.register_buffer(name, value, persistent=False)
+
+    def forward(self, seen: Observation, matching_only: bool = False) -> CorrelationOutput:
+        """Answer a batch.
+
+        With `matching_only` the gradient of everything after the correlation does not reach the
+        encoder: the first steps of a training need it, or the correlation stays at chance.
+        """
+        batch = len(seen)
+        depth = seen.depth if self.config.use_depth else torch.zeros_like(seen.depth)
+        pictures = torch.cat([seen.image, seen.rendering]) - 0.45
+        shared4 = self.encode4(pictures.contiguous(memory_format=torch.channels_last))
+        shared8 = _centred(self.encode8(shared4))
+        geometry = torch.cat([seen.rendering - 0.45, depth, seen.mask], 1)
+        geometry4 = self.geometry4(geometry.contiguous(memory_format=torch.channels_last))
+        image8, render8 = shared8[:batch], shared8[batch:]
+
+        correlation = _correlate(
+            functional.normalize(render8, dim=1),
+            functional.normalize(image8, dim=1),
+            self.coarse_index,
+            self.config.radius,
+        )  # (B, offsets, 16, 16)
+        if matching_only:
+            image8, render8 = image8.detach(), render8.detach()
+        matching = correlation * self.temperature.exp()
+        used = correlation.detach() if matching_only else correlation
+        share = torch.softmax(used * self.temperature.exp(), 1)
+        first = torch.einsum("bkyx,kc->bcyx", share, self.offsets)  # cells
+        context = self.context(torch.cat([image8, render8, self.geometry8(geometry4)], 1))
+        hidden = self.decode(torch.cat([used * 4, first / 8, context], 1))
+        coarse = _cells(self.answer(hidden), first * 8, 8.0)
+
+        fine, fine_hidden = self._refine(shared4, geometry4, hidden, coarse, batch)
+        points = surface_points(depth, seen.distance, self.fine_pixels)
+        covered = seen.mask[:, 0, self.fine_pixels[:, 1], self.fine_pixels[:, 0]]
+        weight = torch.sigmoid(fine.weight).flatten(1) * covered
+        moves = fine.displacement.flatten(2).mT
+        slopes = jacobian(points, seen.distance)
+        solved = solve_counts(moves, weight, slopes, self.damping.exp())
+
+        attention = torch.sigmoid(self.attend(hidden))
+        object_cells = functional.max_pool2d(seen.mask, 4)
+        pooled = torch.cat(
+            [
+                attention_pool(hidden, attention),
+                attention_pool(fine_hidden, object_cells),
+                solved / 10,
+            ],
+            1,
+        )
+        values = self.head(pooled)
+        counts = solved + values[:, :6] * _HEAD_SCALE
+        confidence = values[:, 19]
+        decision = Decision(values[:, 6:19], counts, torch.sigmoid(confidence), attention)
+        return CorrelationOutput(matching.flatten(2).mT, coarse, fine, solved, confidence, decision)
+
+    def _refine(
+        self, shared4: Tensor, geometry4: Tensor, hidden: Tensor, coarse: CellAnswer, batch: int
+    ) -> tuple[CellAnswer, Tensor]:
+        """Match again at stride 4 around the coarse answer. METHOD 9e."""
+        matched = _centred(self.fine_match(shared4))
+        image4 = functional.normalize(matched[:batch], dim=1)
+        render4 = functional.normalize(matched[batch:], dim=1)
+        start = functional.interpolate(
+            coarse.displacement.detach(), scale_factor=2.0, mode="bilinear", align_corners=False
+        )
+        cells = PATCH_SIZE // 4
+        base = self.fine_pixels.to(start).reshape(cells, cells, 2)
+        # Cells cover whole pixels: a cell's stated pixel is half a pixel past its centre.
+        grid = (base + start.permute(0, 2, 3, 1) + 0.5) / (PATCH_SIZE / 2) - 1
+        warped = functional.grid_sample(image4, grid, align_corners=False)
+        correlation = _correlate_blocks(render4, warped, self.fine_index, self.config.fine_radius)
+        wide = functional.interpolate(hidden, scale_factor=2.0, mode="nearest")
+        context = self.fine_context(torch.cat([matched[batch:], geometry4, wide], 1))
+        fine = self.fine_decode(torch.cat([correlation * 4, start / 16, context], 1))
+        return _cells(self.fine_answer(fine), start, 4.0), fine
+
+
+_BLOCK = 8  # cells a side of the blocks in which the fine correlation is computed
+
+
+def _centred(features: Tensor) -> Tensor:
+    """Without the picture's mean feature, which says nothing about where a cell belongs."""
+    return features - features.mean((2, 3), keepdim=True)
+
+
+def _cells(values: Tensor, start: Tensor, stride: float) -> CellAnswer:
+    return CellAnswer(start + values[:, :2] * stride, values[:, 2], values[:, 3])
+
+
+def _window_index(cells: int, radius: int) -> Tensor:
+    """For each of cells² cells, where its (2r + 1)² window lies in the padded grid, flattened."""
+    line, reach = torch.arange(cells), torch.arange(-radius, radius + 1)
+    y, x = torch.meshgrid(line, line, indexing="ij")
+    dy, dx = torch.meshgrid(reach, reach, indexing="ij")
+    row = y.reshape(-1, 1) + dy.reshape(1, -1) + radius
+    column = x.reshape(-1, 1) + dx.reshape(1, -1) + radius
+    return row * (cells + 2 * radius) + column
+
+
+def _correlate(render: Tensor, image: Tensor, index: Tensor, radius: int) -> Tensor:
+    """Products of each rendering cell with the image cells around it: (B, (2r+1)², n, n).
+
+    All pairs by one matrix product, then a gather: 30 times faster than unfolding the windows.
+    """
+    batch, _, n, _ = render.shape
+    padded = functional.pad(image, [radius] * 4).flatten(2)
+    products = render.flatten(2).mT @ padded
+    window = products.gather(2, index[None].expand(batch, -1, -1))
+    return window.mT.reshape(batch, -1, n, n)
+
+
+def _correlate_blocks(render: Tensor, image: Tensor, index: Tensor, radius: int) -> Tensor:
+    """As `_correlate` for a large grid, in blocks so that far pairs are never computed."""
+    batch, channels, n, _ = render.shape
+    blocks, width = n // _BLOCK, _BLOCK + 2 * radius
+    cells = render.reshape(batch, channels, blocks, _BLOCK, blocks, _BLOCK)
+    cells = cells.permute(0, 2, 4, 3, 5, 1).reshape(-1, _BLOCK * _BLOCK, channels)
+    windows = functional.pad(image, [radius] * 4).unfold(2, width, _BLOCK).unfold(3, width, _BLOCK)
+    windows = windows.permute(0, 2, 3, 1, 4, 5).reshape(-1, channels, width * width)
+    products = (cells @ windows).gather(2, index[None].expand(len(cells), -1, -1))
+    products = products.reshape(batch, blocks, blocks, _BLOCK, _BLOCK, -1)
+    return products.permute(0, 5, 1, 3, 2, 4).reshape(batch, -1, n, n)

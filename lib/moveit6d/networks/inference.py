@@ -1,0 +1,89 @@
+"""A network as it runs in the loop: the same answers as in training, in less time.
+
+Never trains.
+"""
+
+from __future__ import annotations
+
+import copy
+import warnings
+from collections.abc import Callable
+
+import torch
+from torch import Tensor, nn
+from torch.nn.utils import convert_conv2d_weight_memory_format
+from torch.nn.utils.fusion import fuse_conv_bn_eval
+
+from ..observation import Observation
+from .action_net import ActionNet
+from .correlation import CorrelationNet
+from .decision import Decision
+
+# Batches up to this size are traced, one trace a size; in larger ones Python's share is small.
+TRACED = 4
+
+Answer = tuple[Tensor, ...]
+
+
+class InferenceNetwork:
+    """Observation → decision without gradients.
+
+    Batch normalisation is folded into the convolutions. Small batches, where a third of the time
+    would be Python's, run as a TorchScript trace of the same network.
+    """
+
+    def __init__(self, network: CorrelationNet | ActionNet) -> None:
+        self.folded = _Plain(_folded(network)).eval()
+        self._traces: dict[int, Callable[..., Answer]] = {}
+
+    @torch.inference_mode()
+    def __call__(self, seen: Observation) -> Decision:
+        """Decide for a batch."""
+        tensors = (seen.image, seen.rendering, seen.depth, seen.mask, seen.distance)
+        run = self._trace(tensors) if len(seen) <= TRACED else self.folded
+        logits, confidence, attention, *counts = run(*tensors)
+        return Decision(logits, counts[0] if counts else None, confidence, attention)
+
+    def _trace(self, tensors: tuple[Tensor, ...]) -> Callable[..., Answer]:
+        size = len(tensors[0])
+        if size not in self._traces:
+            with warnings.catch_warnings():
+                # Shapes become constants: that is meant, there is a trace a size. Its successors
+                # (torch.compile, torch.export) need a compiler at run time or gain nothing here.
+                warnings.simplefilter("ignore")
+                traced = torch.jit.trace(  # type: ignore[no-untyped-call]
+                    self.folded, tensors, check_trace=False
+                )
+                self._traces[size] = torch.jit.freeze(traced)
+        return self._traces[size]
+
+
+class _Plain(nn.Module):
+    """Tensors in and out, as a trace needs it: logits, confidence, attention, perhaps counts."""
+
+    def __init__(self, network: CorrelationNet | ActionNet) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(
+        self, image: Tensor, rendering: Tensor, depth: Tensor, mask: Tensor, distance: Tensor
+    ) -> Answer:
+        seen = Observation(image, rendering, depth, mask, distance)
+        answer = self.network(seen)
+        decision = answer[0] if isinstance(self.network, ActionNet) else answer.decision
+        parts = (decision.logits, decision.confidence, decision.attention)
+        return parts if decision.counts is None else (*parts, decision.counts)
+
+
+def _folded(network: CorrelationNet | ActionNet) -> CorrelationNet | ActionNet:
+    """A copy in evaluation mode with batch normalisation folded into the convolutions."""
+    network = copy.deepcopy(network).eval().requires_grad_(False)
+    for module in network.modules():
+        if isinstance(module, nn.Sequential):
+            for i in range(len(module) - 1):
+                convolution, norm = module[i], module[i + 1]
+                if isinstance(convolution, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d):
+                    module[i] = fuse_conv_bn_eval(convolution, norm)
+                    module[i + 1] = nn.Identity()
+    convert_conv2d_weight_memory_format(network, torch.channels_last)
+    return network

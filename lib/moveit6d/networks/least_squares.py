@@ -1,0 +1,88 @@
+"""From displacements of surface points to the six counts: closed-form Jacobian, weighted solve.
+
+Never sees images. All lengths are in sphere diameters of the object, so that nothing here depends
+on its size; pixels are the patch's. METHOD 9b.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE
+from ..geometry.rotation import exp_so3
+
+_CENTRE = (PATCH_SIZE - 1) / 2
+_DEGREE = math.pi / 180
+
+
+def cell_pixels(stride: int) -> Tensor:
+    """Patch pixel (x, y) that stands for each cell of a stride-s grid, row by row: (cells, 2)."""
+    line = torch.arange(PATCH_SIZE // stride) * stride + stride // 2
+    y, x = torch.meshgrid(line, line, indexing="ij")
+    return torch.stack([x, y], -1).reshape(-1, 2)
+
+
+def surface_points(depth: Tensor, distance: Tensor, pixels: Tensor) -> Tensor:
+    """Surface points under pixels, virtual camera's frame, diameters: (B, M, 3).
+
+    `depth` (B, 1, 128, 128) relative to the centre and `distance` (B,), as in `Observation`;
+    `pixels` (M, 2) whole numbers. Where there is no surface the point lies at the centre's depth.
+    """
+    z = depth[:, 0, pixels[:, 1], pixels[:, 0]] + distance[:, None]
+    focal = OBJECT_SIZE * distance[:, None, None]
+    rays = (pixels.to(depth)[None] - _CENTRE) / focal
+    return torch.cat([rays * z[..., None], z[..., None]], -1)
+
+
+def project_points(points: Tensor, distance: Tensor) -> Tensor:
+    """Patch pixels of points (B, M, 3) in diameters: (B, M, 2)."""
+    focal = OBJECT_SIZE * distance[:, None, None]
+    return points[..., :2] / points[..., 2:].clamp_min(1e-6) * focal + _CENTRE
+
+
+def move_points(points: Tensor, distance: Tensor, counts: Tensor) -> Tensor:
+    """Surface points (B, M, 3) after the move (B, 6), as `PoseAction.apply` moves the object."""
+    depth = distance * OBJECT_SIZE / (OBJECT_SIZE + counts[:, 2])
+    metres = depth / (OBJECT_SIZE * distance)
+    goal = torch.stack([counts[:, 0] * metres, counts[:, 1] * metres, depth], -1)
+    start = torch.stack([torch.zeros_like(distance), torch.zeros_like(distance), distance], -1)
+    rotation = exp_so3(counts[:, 3:] * _DEGREE)
+    return (points - start[:, None]) @ rotation.mT + goal[:, None]
+
+
+def jacobian(points: Tensor, distance: Tensor) -> Tensor:
+    """Derivative of each point's pixel by the six counts at zero: (B, M, 2, 6)."""
+    x, y, z = points.unbind(-1)
+    rho = distance[:, None].expand_as(x)
+    focal = OBJECT_SIZE * rho
+    u, v = x / z * focal, y / z * focal  # pixels from the patch's centre
+    near = rho / z
+    deep = z - rho
+    zero = torch.zeros_like(x)
+    turn = focal / z * _DEGREE
+    # A turn moves the point by w × (point − centre); its z part changes the pixel through u / z.
+    du = [near, zero, u * near / OBJECT_SIZE,
+          -u * y / z * _DEGREE, turn * deep + u * x / z * _DEGREE, -turn * y]  # fmt: skip
+    dv = [zero, near, v * near / OBJECT_SIZE,
+          -turn * deep - v * y / z * _DEGREE, v * x / z * _DEGREE, turn * x]  # fmt: skip
+    return torch.stack([torch.stack(du, -1), torch.stack(dv, -1)], -2)
+
+
+def solve_counts(
+    displacement: Tensor, weight: Tensor, matrix: Tensor, damping: Tensor, limit: float = 40.0
+) -> Tensor:
+    """Counts (B, 6) whose first-order displacement fits best.
+
+    `displacement` (B, M, 2) pixels, `weight` (B, M) ≥ 0, `matrix` (B, M, 2, 6) from `jacobian`,
+    `damping` (6,) a prior that the counts are small. Differentiable in all of them.
+    """
+    total = weight.sum(1)[:, None, None].clamp_min(1e-6)
+    weighted = (matrix * weight[..., None, None]).flatten(1, 2)
+    flat = matrix.flatten(1, 2)
+    normal = weighted.mT @ flat / total + torch.diag(damping)
+    right = weighted.mT @ displacement.flatten(1)[..., None] / total
+    counts: Tensor = torch.linalg.solve(normal, right)[..., 0]
+    return counts.clamp(-limit, limit)

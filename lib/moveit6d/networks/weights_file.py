@@ -1,0 +1,95 @@
+"""Networks to and from safetensors files whose header says how to rebuild them.
+
+Never downloads and never runs anything found in a file.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+
+from ..errors import WeightsError
+from .action_net import ActionConfig, ActionNet
+from .correlation import CorrelationConfig, CorrelationNet
+
+FORMAT = "moveit6d-1"
+_KINDS: dict[str, tuple[type[Any], type[Any]]] = {
+    "correlation": (CorrelationNet, CorrelationConfig),
+    "action": (ActionNet, ActionConfig),
+}
+
+
+@dataclass(frozen=True)
+class LoadedNetwork:
+    """A network in evaluation mode, the facts in its file's header, and the file's SHA-256."""
+
+    network: CorrelationNet | ActionNet
+    facts: dict[str, str]
+    sha256: str
+
+
+def save_network(
+    network: CorrelationNet | ActionNet, path: Path, facts: dict[str, str] | None = None
+) -> None:
+    """Write the weights and, in the header, format, kind, sizes and the given facts.
+
+    Written under a temporary name first, so that a crash leaves no half file.
+    """
+    kind = next(name for name, (cls, _) in _KINDS.items() if isinstance(network, cls))
+    header = {
+        **(facts or {}),
+        "format": FORMAT,
+        "kind": kind,
+        "config": json.dumps(dataclasses.asdict(network.config)),
+    }
+    tensors = {name: value.contiguous() for name, value in network.state_dict().items()}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    save_file(tensors, temporary, header)
+    os.replace(temporary, path)
+
+
+def load_network(path: Path) -> LoadedNetwork:
+    """Rebuild a network from its file; `WeightsError` says what is wrong with a foreign one."""
+    path = Path(path)
+    if not path.is_file():
+        raise WeightsError(f"Weights file {path} does not exist.")
+    try:
+        with safe_open(path, "pt") as file:
+            header = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (SafetensorError, OSError, ValueError) as error:
+        raise WeightsError(
+            f"Weights file {path} is damaged or no safetensors file ({error}); copy it again."
+        ) from None
+    if header.get("format") != FORMAT or header.get("kind") not in _KINDS:
+        raise WeightsError(
+            f"Weights file {path} was not written by this library (format "
+            f"{header.get('format')!r}, expected {FORMAT!r})."
+        )
+    network_class, config_class = _KINDS[header["kind"]]
+    try:
+        values = json.loads(header["config"])
+        config = config_class(
+            **{name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
+        )
+        network = network_class(config)
+        network.load_state_dict(tensors)
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise WeightsError(
+            f"Weights file {path} does not fit the network that its header names: {error}"
+        ) from None
+    if not all(torch.isfinite(value).all() for value in tensors.values()):
+        raise WeightsError(f"Weights file {path} holds numbers that are not finite.")
+    facts = {k: v for k, v in header.items() if k not in ("format", "config")}
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return LoadedNetwork(network.eval(), facts, digest)

@@ -1,0 +1,59 @@
+"""What a policy sees: the observed patch and the rendering of the current pose, as tensors.
+
+Never decides anything and never knows a network.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import torch
+from torch import Tensor
+
+from .geometry.crop import View
+from .rendering.renderer import GBuffer
+from .rendering.shading import shade_plain
+
+
+@dataclass(frozen=True)
+class Observation:
+    """A batch of patches, all float32, in the look-at view of the current poses.
+
+    `image` (B, 3, 128, 128) and `rendering` (B, 3, 128, 128) are RGB in [0, 1]; `depth`
+    (B, 1, 128, 128) is the rendering's depth behind the object's centre in sphere diameters
+    (negative in front of it, 0 outside the object); `mask` (B, 1, 128, 128) is 1 on the object;
+    `distance` (B,) is ‖t‖ in sphere diameters.
+    """
+
+    image: Tensor
+    rendering: Tensor
+    depth: Tensor
+    mask: Tensor
+    distance: Tensor
+
+    def __len__(self) -> int:
+        return len(self.image)
+
+    def to(self, device: torch.device) -> Observation:
+        """The same patches on another device."""
+        return Observation(*(getattr(self, field.name).to(device) for field in fields(self)))
+
+    def channels(self, use_depth: bool = True) -> Tensor:
+        """The paper's input: (B, 8, 128, 128), or (B, 7, 128, 128) without depth."""
+        parts = [self.image, self.rendering, self.depth, self.mask]
+        if not use_depth:
+            parts.pop(2)
+        return torch.cat(parts, 1)
+
+
+def observe(patches: Tensor, gbuffer: GBuffer, view: View, sphere_diameter: Tensor) -> Observation:
+    """Put together what the policy sees.
+
+    `patches` (B, 3, 128, 128) are the crops of the frame in [0, 1], `gbuffer` the renderings in the
+    same `view`; `sphere_diameter` (B,) in metres.
+    """
+    distance = view.distance.to(gbuffer.depth)
+    diameter = sphere_diameter.to(gbuffer.depth)
+    depth = (gbuffer.depth - distance[:, None, None, None]) / diameter[:, None, None, None]
+    rendering = shade_plain(gbuffer).clamp(0, 1)
+    return Observation(patches, rendering, depth * gbuffer.mask, gbuffer.mask, distance / diameter)

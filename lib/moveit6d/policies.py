@@ -1,0 +1,118 @@
+"""Who decides the next move: a network, or an oracle that knows the true pose.
+
+Never renders and never applies a move.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Protocol
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from .actions import PoseAction, difference, expert_action
+from .errors import InputError
+from .geometry.pose import Pose
+from .networks.action_net import ActionNet
+from .networks.correlation import CorrelationNet
+from .networks.decision import Decision
+from .networks.inference import InferenceNetwork
+from .networks.weights_file import load_network
+from .observation import Observation
+
+SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "multi_object.safetensors"
+
+
+class MoveMode(StrEnum):
+    """How a decision becomes a move."""
+
+    SINGLE = "single"  # the paper: the best of the 13 actions, one step long
+    ALL_AXES = "all_axes"  # all six real-valued counts at once (METHOD 9a)
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Where the loop stands: for policies that know more than what is seen.
+
+    `pose` (B) is centred, object → camera; `sphere_diameter` (B,) in metres; `target` (B,) says
+    which of the loop's targets each row is.
+    """
+
+    pose: Pose
+    sphere_diameter: Tensor
+    target: Tensor
+
+
+class Policy(Protocol):
+    """Decides from observations; `mode` says how its decisions are carried out."""
+
+    mode: MoveMode
+
+    def decide(self, seen: Observation, situation: Situation) -> Decision:
+        """A decision for each observation of the batch."""
+        ...
+
+
+def choose_move(decision: Decision, mode: MoveMode, step: float = 1.0) -> PoseAction:
+    """The move that a decision stands for.
+
+    In mode `single` the action with the highest score, `step` units long. In mode `all_axes` the
+    six counts as they are; it also stops if the stop action scores highest or every count is under
+    half a step, and the remainder is applied as the last move.
+    """
+    best = decision.logits.argmax(-1)
+    if mode is MoveMode.SINGLE:
+        return PoseAction.from_index(best, step)
+    if decision.counts is None:
+        raise InputError(
+            "This network only chooses single actions: use the move mode 'single' with it."
+        )
+    done = decision.counts.abs().amax(-1) < 0.5 * step
+    return PoseAction(decision.counts.to(torch.float64), (best == 12) | done)
+
+
+class NetworkPolicy:
+    """Decides with a trained network, in evaluation mode, without gradients."""
+
+    def __init__(
+        self, network: CorrelationNet | ActionNet, mode: MoveMode | None = None, source: str = ""
+    ) -> None:
+        self.network = InferenceNetwork(network)
+        single = isinstance(network, ActionNet)
+        self.mode = mode or (MoveMode.SINGLE if single else MoveMode.ALL_AXES)
+        self.source = source  # what the weights are, for reports
+        if single and self.mode is not MoveMode.SINGLE:
+            raise InputError("The paper's network only chooses single actions: use mode 'single'.")
+
+    @torch.inference_mode()
+    def decide(self, seen: Observation, situation: Situation) -> Decision:
+        """One pass of the network."""
+        return self.network(seen)
+
+
+class OraclePolicy:
+    """Knows the true poses: tests the loop exactly, without weights.
+
+    `truth` (N) are centred poses of the loop's N targets.
+    """
+
+    def __init__(self, truth: Pose, mode: MoveMode = MoveMode.SINGLE) -> None:
+        self.truth, self.mode = truth.to(torch.float64), mode
+
+    def decide(self, seen: Observation, situation: Situation) -> Decision:
+        """The expert's action, and the exact counts to the truth."""
+        goal = self.truth[situation.target]
+        counts = difference(situation.pose, goal, situation.sphere_diameter)
+        logits = functional.one_hot(expert_action(counts), 13).to(torch.float64)
+        return Decision(logits, counts, torch.ones(len(counts)))
+
+
+def load_policy(path: Path | None = None, mode: MoveMode | None = None) -> NetworkPolicy:
+    """A policy from a weights file; without one, from the weights that are shipped."""
+    loaded = load_network(SHIPPED_WEIGHTS if path is None else Path(path))
+    name = "shipped multi-object model" if path is None else Path(path).name
+    return NetworkPolicy(loaded.network, mode, f"{name} (sha256 {loaded.sha256[:12]})")

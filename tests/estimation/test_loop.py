@@ -1,0 +1,155 @@
+"""The loop with the oracle: it reaches the truth, and each stop rule ends it as the paper says."""
+
+import numpy as np
+import pytest
+import torch
+
+from moveit6d.actions import PoseAction, difference
+from moveit6d.errors import InputError, RenderingUnavailable
+from moveit6d.estimation import StopReason, Target, refine_batch
+from moveit6d.geometry.camera import Camera
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.pose import Pose
+from moveit6d.geometry.rotation import random_rotations
+from moveit6d.networks.decision import Decision
+from moveit6d.observation import Observation
+from moveit6d.policies import MoveMode, OraclePolicy, Situation
+from moveit6d.rendering.renderer import Renderer, make_renderer
+from moveit6d.synthesis.clusters import ClusterConfig, draw_counts
+
+CAMERA = Camera(600, 600, 319.5, 239.5, 640, 480)
+IMAGE = np.random.default_rng(0).integers(0, 255, (480, 640, 3), dtype=np.uint8)
+
+
+def some_targets(
+    mesh: Mesh, number: int, seed: int = 0, cluster: str | None = None
+) -> tuple[list[Target], Pose]:
+    """Targets whose start is a random cluster away from the truth, and the centred truth."""
+    random = np.random.default_rng(seed)
+    diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
+    truth = Pose(
+        random_rotations(number, torch.Generator().manual_seed(seed)),
+        torch.from_numpy(random.uniform([-0.08, -0.06, 0.6], [0.08, 0.06, 1.2], (number, 3))),
+    )
+    counts = np.stack([draw_counts(random, ClusterConfig(), cluster) for _ in range(number)])
+    start = PoseAction.of(torch.from_numpy(counts)).apply(truth, diameter.expand(number))
+    return [Target(IMAGE, CAMERA, mesh, mesh.outer(start[i])) for i in range(number)], truth
+
+
+def counts_left(mesh: Mesh, pose: Pose | None, truth: Pose) -> float:
+    assert pose is not None
+    diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
+    return float(difference(mesh.inner(pose), truth, diameter).abs().max())
+
+
+def renderer_or_skip(name: str) -> Renderer:
+    try:
+        return make_renderer(name)
+    except RenderingUnavailable as error:
+        pytest.skip(str(error))
+
+
+@pytest.mark.parametrize("name", ["embree", "pyrender"])
+@pytest.mark.parametrize("mode", list(MoveMode))
+def test_the_oracle_reaches_the_truth(brick: Mesh, name: str, mode: MoveMode) -> None:
+    renderer = renderer_or_skip(name)
+    number = 12 if mode is MoveMode.ALL_AXES else 3
+    targets, truth = some_targets(brick, number)
+    results = refine_batch(
+        targets, policy=OraclePolicy(truth, mode), renderer=renderer, max_steps=200
+    )
+    for i, result in enumerate(results):
+        assert result.stopped_by is StopReason.STOP_ACTION
+        assert counts_left(brick, result.pose, truth[i]) < 0.5 + 1e-9
+
+
+def test_all_axes_need_two_cycles(brick: Mesh) -> None:
+    targets, truth = some_targets(brick, 5, cluster="all_large")
+    policy = OraclePolicy(truth, MoveMode.ALL_AXES)
+    results = refine_batch(targets, policy=policy, renderer=make_renderer())
+    assert [result.steps for result in results] == [2] * 5
+
+
+def test_the_limit_of_steps_ends_a_loop(brick: Mesh) -> None:
+    targets, truth = some_targets(brick, 2, cluster="all_large")
+    results = refine_batch(
+        targets, policy=OraclePolicy(truth), renderer=make_renderer(), max_steps=4
+    )
+    assert [(r.steps, r.stopped_by) for r in results] == [(4, StopReason.MAX_STEPS)] * 2
+
+
+class Scripted:
+    """Plays given actions with given confidences."""
+
+    mode = MoveMode.SINGLE
+
+    def __init__(self, actions: list[int], confidences: list[float]) -> None:
+        self.script = list(zip(actions, confidences, strict=True))
+
+    def decide(self, seen: Observation, situation: Situation) -> Decision:
+        action, confidence = self.script.pop(0)
+        logits = torch.nn.functional.one_hot(torch.tensor([action]), 13).float()
+        return Decision(logits, None, torch.tensor([confidence]))
+
+
+def test_an_oscillation_ends_at_its_most_confident_pose(brick: Mesh) -> None:
+    """Right, right, left: the third pose is the first again; the second was the best."""
+    targets, _ = some_targets(brick, 1)
+    policy = Scripted([0, 0, 1, 0], [0.1, 0.9, 0.3, 0.2])
+    result = refine_batch(targets, policy=policy, renderer=make_renderer())[0]
+    assert result.stopped_by is StopReason.REVISITED and result.steps == 3
+    assert result.confidence == pytest.approx(0.9)
+    start = brick.inner(targets[0].pose)
+    assert result.pose is not None
+    diameter = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
+    moved = difference(start, brick.inner(result.pose), diameter)
+    assert moved[0].item() == pytest.approx(2, abs=0.02)
+
+
+def test_stop_keeps_the_pose(brick: Mesh) -> None:
+    targets, _ = some_targets(brick, 1)
+    result = refine_batch(targets, policy=Scripted([12], [0.5]), renderer=make_renderer())[0]
+    assert result.stopped_by is StopReason.STOP_ACTION and result.steps == 1
+    assert result.pose is not None
+    torch.testing.assert_close(result.pose.matrix(), targets[0].pose.matrix())
+
+
+class RunsAway(Scripted):
+    """Moves the object into the camera."""
+
+    mode = MoveMode.ALL_AXES
+
+    def __init__(self) -> None:
+        super().__init__([], [])
+
+    def decide(self, seen: Observation, situation: Situation) -> Decision:
+        counts = torch.tensor([[0, 0, 5000.0, 0, 0, 0]] * len(seen))
+        return Decision(torch.zeros(len(seen), 13), counts, torch.ones(len(seen)))
+
+
+def test_a_pose_that_leaves_the_view_fails_with_a_sentence(brick: Mesh) -> None:
+    targets, _ = some_targets(brick, 1)
+    result = refine_batch(targets, policy=RunsAway(), renderer=make_renderer())[0]
+    assert result.stopped_by is StopReason.FAILED and result.pose is None
+    assert result.error is not None and "lost" in result.error
+
+
+def test_nothing_to_do_gives_nothing(brick: Mesh) -> None:
+    assert refine_batch([], policy=Scripted([], []), renderer=make_renderer()) == []
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [
+        ([0, 0, -1], "behind the camera"),
+        ([2, 0, 1], "outside of the image"),
+        ([0, 0, 0.02], "inside the object"),
+        ([0, 0, 1000], "unit of the mesh"),
+        ([0, 0, float("nan")], "not finite"),
+    ],
+)
+def test_starts_out_of_sight_are_refused(brick: Mesh, place: list[float], message: str) -> None:
+    pose = Pose(torch.eye(3).double(), torch.tensor(place, dtype=torch.float64))
+    target = Target(IMAGE, CAMERA, brick, pose)
+    with pytest.raises(InputError, match=message):
+        refine_batch([target], policy=Scripted([], []), renderer=make_renderer())

@@ -1,0 +1,104 @@
+"""The correlation network: fast paths against plain loops, shapes, gradients of the first steps."""
+
+import torch
+
+from moveit6d.networks.correlation import (
+    CorrelationConfig,
+    CorrelationNet,
+    _correlate,
+    _correlate_blocks,
+    _window_index,
+)
+from moveit6d.observation import Observation
+from tests.support.observations import an_observation
+
+
+def plain_correlation(render: torch.Tensor, image: torch.Tensor, radius: int) -> torch.Tensor:
+    batch, _, n, _ = render.shape
+    side = 2 * radius + 1
+    result = torch.zeros(batch, side * side, n, n)
+    for y in range(n):
+        for x in range(n):
+            for k in range(side * side):
+                v, u = y + k // side - radius, x + k % side - radius
+                if 0 <= v < n and 0 <= u < n:
+                    result[:, k, y, x] = (render[:, :, y, x] * image[:, :, v, u]).sum(1)
+    return result
+
+
+def test_fast_correlations_agree_with_a_plain_loop() -> None:
+    generator = torch.Generator().manual_seed(0)
+    render, image = torch.randn(2, 2, 5, 16, 16, generator=generator)
+    expected = plain_correlation(render, image, 3)
+    fast = _correlate(render, image, _window_index(16, 3), 3)
+    blocks = _correlate_blocks(render, image, _window_index(8, 3), 3)
+    torch.testing.assert_close(fast, expected, atol=1e-5, rtol=0)
+    torch.testing.assert_close(blocks, expected, atol=1e-5, rtol=0)
+
+
+def test_offsets_follow_the_order_of_the_windows() -> None:
+    """A picture moved one cell to the right correlates best at offset (1, 0)."""
+    network = CorrelationNet()
+    generator = torch.Generator().manual_seed(0)
+    render = torch.nn.functional.normalize(torch.randn(1, 64, 16, 16, generator=generator), dim=1)
+    moved = torch.roll(render, 1, dims=3)
+    best = _correlate(render, moved, network.coarse_index, 4).argmax(1)[0, 4:12, 4:11]
+    assert (network.offsets[best] == torch.tensor([1.0, 0.0])).all()
+
+
+def test_answers_have_the_stated_shapes_and_are_finite() -> None:
+    network = CorrelationNet().eval()
+    with torch.no_grad():
+        output = network(an_observation(2))
+    decision = output.decision
+    assert decision.logits.shape == (2, 13) and decision.confidence.shape == (2,)
+    assert decision.counts is not None and decision.counts.shape == (2, 6)
+    assert decision.attention is not None and decision.attention.shape == (2, 1, 16, 16)
+    assert output.matching.shape == (2, 256, 81) and output.fine.displacement.shape == (
+        2,
+        2,
+        32,
+        32,
+    )
+    assert all(torch.isfinite(v).all() for v in (decision.logits, decision.counts, output.matching))
+
+
+def test_a_batch_answers_as_its_parts_do() -> None:
+    network = CorrelationNet().eval()
+    both = an_observation(2)
+    with torch.no_grad():
+        together = network(both).decision.logits
+        for i in range(2):
+            part = Observation(*(getattr(both, n)[i : i + 1] for n in both.__dataclass_fields__))
+            torch.testing.assert_close(
+                network(part).decision.logits[0], together[i], atol=1e-4, rtol=0
+            )
+
+
+def test_an_empty_rendering_gives_finite_answers() -> None:
+    seen = an_observation(1)
+    zero = torch.zeros_like(seen.mask)
+    empty = Observation(seen.image, seen.rendering * 0, zero, zero, seen.distance)
+    with torch.no_grad():
+        counts = CorrelationNet().eval()(empty).decision.counts
+    assert counts is not None and torch.isfinite(counts).all()
+
+
+def test_in_the_first_steps_only_matching_reaches_the_encoder() -> None:
+    network = CorrelationNet()
+    output = network(an_observation(2), matching_only=True)
+    counts = output.decision.counts
+    assert counts is not None
+    counts.sum().backward()
+    gradient = network.encode8[0][0].weight.grad
+    assert gradient is None or gradient.abs().max() == 0
+    network(an_observation(2), matching_only=True).matching.square().sum().backward()
+    assert network.encode8[0][0].weight.grad.abs().max() > 0
+
+
+def test_without_depth_the_depth_is_not_looked_at() -> None:
+    network = CorrelationNet(CorrelationConfig(use_depth=False)).eval()
+    seen = an_observation(1)
+    other = Observation(seen.image, seen.rendering, seen.depth * 0.3, seen.mask, seen.distance)
+    with torch.no_grad():
+        assert torch.equal(network(seen).decision.logits, network(other).decision.logits)

@@ -1,0 +1,90 @@
+"""The closed-form Jacobian and the solve against moves made by `PoseAction` itself."""
+
+import torch
+
+from moveit6d.actions import PoseAction
+from moveit6d.geometry.camera import project
+from moveit6d.geometry.crop import OBJECT_SIZE, PATCH_SIZE, look_at
+from moveit6d.geometry.pose import Pose
+from moveit6d.geometry.rotation import random_rotations
+from moveit6d.networks.least_squares import (
+    cell_pixels,
+    jacobian,
+    move_points,
+    project_points,
+    solve_counts,
+    surface_points,
+)
+
+DISTANCE = torch.tensor([2.5, 6.0, 12.0], dtype=torch.float64)
+
+
+def some_points() -> torch.Tensor:
+    generator = torch.Generator().manual_seed(0)
+    depth = torch.randn(3, 1, 128, 128, dtype=torch.float64, generator=generator) * 0.15
+    return surface_points(depth, DISTANCE, cell_pixels(8))
+
+
+def test_cells_stand_for_their_middle_pixels() -> None:
+    assert cell_pixels(8)[:2].tolist() == [[4, 4], [12, 4]]
+    assert len(cell_pixels(4)) == (PATCH_SIZE // 4) ** 2
+
+
+def test_points_project_back_to_their_pixels() -> None:
+    expected = cell_pixels(8).double().expand(3, -1, -1)
+    torch.testing.assert_close(project_points(some_points(), DISTANCE), expected)
+
+
+def test_moves_are_those_of_pose_action() -> None:
+    """The same counts move points in diameters here and poses in metres there, exactly."""
+    counts = torch.randn(3, 6, dtype=torch.float64) * 10
+    diameter = torch.tensor([0.1, 0.2, 0.3], dtype=torch.float64)
+    place = torch.stack([torch.zeros(3).double(), torch.zeros(3).double(), DISTANCE * diameter], 1)
+    start = Pose(random_rotations(3), place)
+    moved = PoseAction.of(counts).apply(start, diameter)
+    points = some_points() * diameter[:, None, None]
+    expected = (moved @ start.inverse()).transform(points)
+    found = move_points(some_points(), DISTANCE, counts) * diameter[:, None, None]
+    torch.testing.assert_close(found, expected)
+    view = look_at(start, diameter)
+    torch.testing.assert_close(
+        project(found, view.intrinsics), project_points(found / diameter[:, None, None], DISTANCE)
+    )
+
+
+def test_jacobian_agrees_with_automatic_differentiation() -> None:
+    points = some_points()
+
+    def pixels(counts: torch.Tensor) -> torch.Tensor:
+        return project_points(move_points(points, DISTANCE, counts), DISTANCE)
+
+    zero = torch.zeros(3, 6, dtype=torch.float64)
+    full = torch.autograd.functional.jacobian(pixels, zero)  # (3, M, 2, 3, 6)
+    assert isinstance(full, torch.Tensor)
+    expected = torch.stack([full[b, :, :, b] for b in range(3)])
+    torch.testing.assert_close(jacobian(points, DISTANCE), expected, atol=1e-9, rtol=1e-9)
+
+
+def test_solve_recovers_small_moves_and_ignores_cells_without_weight() -> None:
+    points = some_points()
+    counts = torch.tensor([[0.5, -0.3, 0.2, 0.4, -0.2, 0.3]] * 3, dtype=torch.float64)
+    shift = project_points(move_points(points, DISTANCE, counts), DISTANCE)
+    shift = shift - project_points(points, DISTANCE)
+    weight = torch.ones(3, points.shape[1], dtype=torch.float64)
+    shift[:, ::3] += 30  # nonsense where nothing is weighed
+    weight[:, ::3] = 0
+    damping = torch.full((6,), 1e-9, dtype=torch.float64)
+    found = solve_counts(shift, weight, jacobian(points, DISTANCE), damping)
+    assert (found - counts).abs().max() < 0.02
+
+
+def test_without_any_weight_nothing_moves() -> None:
+    points = some_points()
+    zero = torch.zeros(3, points.shape[1], dtype=torch.float64)
+    damping = torch.full((6,), 1e-3, dtype=torch.float64)
+    shift = torch.ones(3, points.shape[1], 2, dtype=torch.float64)
+    assert solve_counts(shift, zero, jacobian(points, DISTANCE), damping).abs().max() == 0
+
+
+def test_object_size_is_the_paper_s_margin() -> None:
+    assert abs(OBJECT_SIZE - 128 / 1.4) < 1e-12

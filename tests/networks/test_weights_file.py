@@ -1,0 +1,69 @@
+"""Weights files: there and back, and a sentence for every file that is not ours."""
+
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import save_file
+
+from moveit6d.errors import WeightsError
+from moveit6d.networks.action_net import ActionConfig, ActionNet
+from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
+from moveit6d.networks.weights_file import load_network, save_network
+from tests.support.observations import an_observation
+
+
+@pytest.mark.parametrize("depth", [True, False])
+def test_a_network_comes_back_as_it_was(tmp_path: Path, depth: bool) -> None:
+    network = CorrelationNet(CorrelationConfig(channels=(8, 16, 24), use_depth=depth)).eval()
+    save_network(network, tmp_path / "a.safetensors", {"licence": "Apache-2.0"})
+    loaded = load_network(tmp_path / "a.safetensors")
+    assert loaded.network.config == network.config
+    assert loaded.facts == {"licence": "Apache-2.0", "kind": "correlation"}
+    assert len(loaded.sha256) == 64
+    with torch.no_grad():
+        seen = an_observation(1)
+        assert torch.equal(loaded.network(seen).decision.logits, network(seen).decision.logits)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.safetensors"]
+
+
+def test_the_paper_s_network_comes_back_too(tmp_path: Path) -> None:
+    network = ActionNet(ActionConfig(channels=(8, 8, 8, 8)))
+    save_network(network, tmp_path / "b.safetensors")
+    assert isinstance(load_network(tmp_path / "b.safetensors").network, ActionNet)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(WeightsError, match=r"no\.safetensors does not exist"):
+        load_network(tmp_path / "no.safetensors")
+
+
+def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "cut.safetensors"
+    save_network(CorrelationNet(), path)
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(WeightsError, match="damaged"):
+        load_network(path)
+
+
+def test_a_foreign_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "foreign.safetensors"
+    save_file({"weight": torch.zeros(3)}, path)
+    with pytest.raises(WeightsError, match="not written by this library"):
+        load_network(path)
+
+
+def test_weights_that_do_not_fit_their_header_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "wrong.safetensors"
+    header = {"format": "moveit6d-1", "kind": "correlation", "config": "{}"}
+    save_file({"weight": torch.zeros(3)}, path, header)
+    with pytest.raises(WeightsError, match="does not fit"):
+        load_network(path)
+
+
+def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
+    network = ActionNet(ActionConfig(channels=(8, 8, 8, 8)))
+    network.decide[0].weight.data[0, 0] = float("nan")
+    save_network(network, tmp_path / "nan.safetensors")
+    with pytest.raises(WeightsError, match="not finite"):
+        load_network(tmp_path / "nan.safetensors")
