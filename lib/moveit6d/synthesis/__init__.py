@@ -1,0 +1,4 @@
+"""Pictures with known truth: training pairs, procedural objects and scenes, whole sequences.
+
+Never trains and never tracks.
+"""

@@ -1,0 +1,66 @@
+"""Callbacks of a fit: weights files beside the checkpoints, a line of figures now and then.
+
+Never changes what is trained.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import pytorch_lightning as pl
+
+from .pose_action_module import PoseActionModule
+
+
+class WeightsExport(pl.Callback):
+    """Writes `weights.safetensors`, ready for `moveit6d track --weights`, every so many steps."""
+
+    def __init__(self, folder: Path, every_n_steps: int = 500) -> None:
+        self.path, self.every = Path(folder) / "weights.safetensors", every_n_steps
+
+    def on_train_batch_end(
+        self, trainer: pl.Trainer, pl_module: pl.LightningModule, *_: Any
+    ) -> None:
+        """Export if it is time; only the first process writes."""
+        if trainer.is_global_zero and trainer.global_step % self.every == 0:
+            self._export(pl_module)
+
+    def on_train_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Export the end of the training."""
+        if trainer.is_global_zero:
+            self._export(pl_module)
+
+    def _export(self, module: pl.LightningModule) -> None:
+        assert isinstance(module, PoseActionModule)
+        module.export(self.path, {"made_by": "moveit6d fit"})
+
+
+class FigureLine(pl.Callback):
+    """Prints the means of the training terms every so many steps: a log that a person can read."""
+
+    def __init__(self, every_n_steps: int = 100) -> None:
+        self.every = every_n_steps
+        self.sums: dict[str, float] = {}
+        self.start = time.monotonic()
+
+    def on_train_batch_end(
+        self, trainer: pl.Trainer, pl_module: pl.LightningModule, *_: Any
+    ) -> None:
+        """Add this step's terms; print and forget them if it is time."""
+        for name, value in trainer.callback_metrics.items():
+            if name.startswith("train/"):
+                short = name.removeprefix("train/")
+                self.sums[short] = self.sums.get(short, 0.0) + float(value)
+        if trainer.global_step % self.every == 0 and trainer.is_global_zero:
+            means = " ".join(f"{n} {v / self.every:.3f}" for n, v in self.sums.items())
+            minutes = (time.monotonic() - self.start) / 60
+            print(f"step {trainer.global_step} {minutes:.1f} min: {means}", flush=True)
+            self.sums = {}
+
+    def on_validation_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Print the validation terms."""
+        values = {k: float(v) for k, v in trainer.callback_metrics.items() if k.startswith("val/")}
+        line = " ".join(f"{name} {value:.3f}" for name, value in sorted(values.items()))
+        print(f"validation at step {trainer.global_step}: {line}", flush=True)

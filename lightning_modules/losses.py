@@ -1,0 +1,172 @@
+"""What the networks are trained to do: dense truth for every cell, losses, and one-step scores.
+
+Never draws data and never optimises. METHOD 9b; PROTOTYPE's recipe.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from moveit6d.actions import expert_action
+from moveit6d.networks.correlation import CellAnswer, CorrelationOutput
+from moveit6d.networks.decision import Decision
+from moveit6d.networks.least_squares import (
+    cell_pixels,
+    move_points,
+    project_points,
+    surface_points,
+)
+from moveit6d.synthesis.pairs import TrainingBatch
+
+FARTHEST = 45.0  # pixels; cells that moved farther teach nothing
+RIGHT = 0.05  # mean point error in diameters under which a step counts as right
+
+
+@dataclass(frozen=True)
+class LossWeights:
+    """Weights of the terms, and the scale of each count in the regression terms."""
+
+    matching: float = 0.5
+    coarse: float = 0.05
+    fine: float = 0.12
+    visibility: float = 0.2
+    weight: float = 0.2
+    solved: float = 1.0
+    counts: float = 1.5
+    points: float = 2.0
+    actions: float = 0.1
+    confidence: float = 0.1
+    # A count of t_z moves a far object by a tenth of its diameter, so it must be the most exact.
+    scale: tuple[float, float, float, float, float, float] = (4.0, 4.0, 2.0, 4.0, 4.0, 4.0)
+    beta: float = 0.15
+
+
+@dataclass(frozen=True)
+class CellTruth:
+    """True displacement (B, M, 2) in pixels, visibility and being on the object (B, M) in 0..1."""
+
+    displacement: Tensor
+    visible: Tensor
+    covered: Tensor
+
+
+def cell_truth(batch: TrainingBatch, stride: int) -> CellTruth:
+    """Where each cell's surface point really is in the observed patch, and whether it shows."""
+    seen = batch.observation
+    pixels = cell_pixels(stride).to(seen.depth.device)
+    points = surface_points(seen.depth, seen.distance, pixels)
+    covered = seen.mask[:, 0, pixels[:, 1], pixels[:, 0]]
+    moved = move_points(points, seen.distance, batch.counts)
+    goal = project_points(moved, seen.distance)
+    nearest = goal.round().long()
+    size = seen.depth.shape[-1]
+    inside = ((nearest >= 0) & (nearest < size)).all(-1)
+    column, row = nearest.clamp(0, size - 1).unbind(-1)
+    sample = torch.arange(len(seen), device=row.device)[:, None]
+    surface = batch.true_depth[sample, 0, row, column] + seen.distance[:, None]
+    shows = batch.visible[sample, 0, row, column] > 0.5
+    same = (surface - moved[..., 2]).abs() < 0.06  # else another part of the object is in front
+    visible = (inside & shows & same).float() * covered
+    return CellTruth(goal - pixels.to(goal)[None], visible, covered)
+
+
+def correlation_losses(
+    output: CorrelationOutput, batch: TrainingBatch, radius: int, weights: LossWeights
+) -> dict[str, Tensor]:
+    """Every term of the correlation network's loss, unweighted, by name."""
+    coarse, fine = cell_truth(batch, 8), cell_truth(batch, 4)
+    coarse_flow, coarse_seen, coarse_weight = _cell_losses(output.coarse, coarse, 3.0)
+    fine_flow, fine_seen, fine_weight = _cell_losses(output.fine, fine, 2.0)
+    scale = batch.counts.new_tensor(weights.scale)
+    counts = output.decision.counts
+    assert counts is not None
+    error = point_error(batch, counts)
+    right = (error.detach() < RIGHT).float()
+    return {
+        "matching": matching_loss(output.matching, coarse, radius),
+        "coarse": coarse_flow,
+        "fine": fine_flow,
+        "visibility": coarse_seen + fine_seen,
+        "weight": coarse_weight + fine_weight,
+        "solved": functional.smooth_l1_loss(
+            output.solved / scale, batch.counts / scale, beta=weights.beta
+        ),
+        "counts": functional.smooth_l1_loss(
+            counts / scale, batch.counts / scale, beta=weights.beta
+        ),
+        "points": error.clamp_max(1.0).mean(),
+        "actions": action_loss(output.decision, batch),
+        "confidence": functional.binary_cross_entropy_with_logits(output.confidence_logit, right),
+    }
+
+
+def matching_loss(logits: Tensor, truth: CellTruth, radius: int) -> Tensor:
+    """Cross-entropy of the correlation (B, cells, offsets) against the true displacement.
+
+    The target is spread over the four nearest cells bilinearly, so its floor is about 1.1.
+    """
+    cells = truth.displacement / 8
+    reach = radius - 0.01
+    usable = (cells.abs().amax(-1) < reach) * truth.visible
+    cells = cells.clamp(-reach, reach)
+    low = cells.floor()
+    part = cells - low
+    score = torch.log_softmax(logits, -1)
+    total = torch.zeros_like(usable)
+    for dx in (0, 1):
+        for dy in (0, 1):
+            share_x = part[..., 0] if dx else 1 - part[..., 0]
+            share_y = part[..., 1] if dy else 1 - part[..., 1]
+            row, column = low[..., 1] + dy + radius, low[..., 0] + dx + radius
+            index = (row * (2 * radius + 1) + column).long()
+            total = total - score.gather(-1, index[..., None])[..., 0] * share_x * share_y
+    return (total * usable).sum() / usable.sum().clamp_min(1)
+
+
+def action_loss(decision: Decision, batch: TrainingBatch) -> Tensor:
+    """Cross-entropy of the 13 logits against the expert.
+
+    It stands in for the paper's Hamming distance of one-hot vectors, which has no useful gradient.
+    """
+    return functional.cross_entropy(decision.logits, expert_action(batch.counts))
+
+
+def point_error(batch: TrainingBatch, counts: Tensor) -> Tensor:
+    """Mean distance (B,) of visible-side surface points after the move and at the truth, diameters.
+
+    An ADD over the half of the surface that the rendering shows.
+    """
+    seen = batch.observation
+    pixels = cell_pixels(8).to(seen.depth.device)
+    points = surface_points(seen.depth, seen.distance, pixels)
+    covered = seen.mask[:, 0, pixels[:, 1], pixels[:, 0]]
+    moved = move_points(points, seen.distance, counts)
+    goal = move_points(points, seen.distance, batch.counts)
+    distance = ((moved - goal).square().sum(-1) + 1e-8).sqrt()
+    return (distance * covered).sum(1) / covered.sum(1).clamp_min(1)
+
+
+def _cell_losses(
+    answer: CellAnswer, truth: CellTruth, softness: float
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Robust displacement error on visible cells, visibility and weight on the object's cells."""
+    found = answer.displacement.flatten(2).mT
+    error = (found - truth.displacement).abs().sum(-1)
+    near = (truth.displacement.abs().amax(-1) < FARTHEST).float()
+    use = truth.visible * near
+    displacement = ((error.square() + 0.01).sqrt() * use).sum() / use.sum().clamp_min(1)
+    good = truth.visible * torch.exp(-error.detach() / softness)
+    return (
+        displacement,
+        _mean_entropy(answer.visibility.flatten(1), truth.visible, truth.covered),
+        _mean_entropy(answer.weight.flatten(1), good, truth.covered),
+    )
+
+
+def _mean_entropy(logits: Tensor, target: Tensor, where: Tensor) -> Tensor:
+    entropy = functional.binary_cross_entropy_with_logits(logits, target, reduction="none")
+    return (entropy * where).sum() / where.sum().clamp_min(1)

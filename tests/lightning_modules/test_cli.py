@@ -1,0 +1,73 @@
+"""`moveit6d fit` on a fresh machine: without data, by the shipped config, killed, resumed."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import torch
+
+from lightning_modules.cli import main
+from moveit6d.networks.weights_file import load_network
+
+CONFIG = Path(__file__).parents[2] / "configs" / "fit" / "multi_object_correlation.yaml"
+
+
+def arguments(folder: Path, steps: int) -> list[str]:
+    """The shipped config with a tiny network, few objects and everything written to `folder`."""
+    sizes = "{channels: [4, 6, 8], geometry: [4, 4, 4], context: 8, decoder: 8, fine: 8}"
+    return [
+        "--config", str(CONFIG), f"--model.network.init_args.config={sizes}",
+        "--data.shapes=2", "--data.batch_size=4", "--data.workers=0",
+        "--data.validation_batches=1", f"--trainer.max_steps={steps}",
+        "--trainer.val_check_interval=5", "--model.matching_steps=2",
+        "--trainer.logger.init_args.save_dir", str(folder),
+        "--trainer.callbacks+=lightning_modules.callbacks.WeightsExport",
+        f"--trainer.callbacks.folder={folder}", "--trainer.callbacks.every_n_steps=2",
+        "--trainer.callbacks+=pytorch_lightning.callbacks.ModelCheckpoint",
+        f"--trainer.callbacks.dirpath={folder}", "--trainer.callbacks.every_n_train_steps=2",
+        "--trainer.callbacks.save_last=true", "--trainer.callbacks.save_top_k=0",
+    ]  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_fit_without_any_data_writes_weights(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    main(arguments(tmp_path, 4))
+    loaded = load_network(tmp_path / "weights.safetensors")
+    assert loaded.facts["steps"] == "4" and loaded.facts["kind"] == "correlation"
+
+
+def steps_of(checkpoint: Path) -> int:
+    return int(torch.load(checkpoint, weights_only=False)["global_step"])
+
+
+def test_a_killed_fit_goes_on_where_it_was(tmp_path: Path) -> None:
+    command = [
+        sys.executable,
+        "-c",
+        "import sys; from lightning_modules.cli import main; main(sys.argv[1:])",
+    ]
+    checkpoint = tmp_path / "last.ckpt"
+    process = subprocess.Popen(
+        [*command, *arguments(tmp_path, 10_000)], cwd=tmp_path,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    deadline = time.monotonic() + 600
+    while not checkpoint.exists() and time.monotonic() < deadline and process.poll() is None:
+        time.sleep(0.2)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    reached = steps_of(checkpoint)
+    assert reached >= 2
+    resumed = subprocess.run(
+        [*command, *arguments(tmp_path, reached + 4)], cwd=tmp_path,
+        capture_output=True, text=True, timeout=600, check=False,
+    )  # fmt: skip
+    assert resumed.returncode == 0, resumed.stderr[-2000:]
+    assert "Restored all states" in resumed.stderr + resumed.stdout
+    assert load_network(tmp_path / "weights.safetensors").facts["steps"] == str(reached + 4)
