@@ -1,0 +1,318 @@
+"""`moveit6d benchmark`: the tracker against other trackers, and the time of one cycle.
+
+Never resets a track.
+"""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..synthesis.clusters import CLUSTERS
+from .common import (
+    add_machine_options,
+    add_tracking_options,
+    add_verb,
+    complaining,
+    new_folder,
+    note,
+    positive,
+    progress,
+    set_up,
+    use_threads,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ..datasets.sequences import Sequence
+    from ..evaluation.benchmark import MakeTracker
+    from ..evaluation.rollout import Step
+    from ..evaluation.tracking import Score
+    from ..rendering.renderer import Renderer
+
+DESCRIPTION = """\
+  moveit6d benchmark tracking   tracks whole sequences without reset, beside rivals' results
+  moveit6d benchmark rendered   refines rendered objects from starts of a known distance
+  moveit6d benchmark cycle      times the parts of one cycle: crop, render, network, move
+  moveit6d benchmark oracle     proves the loop with a policy that knows the truth
+"""
+
+ORACLE = """\
+Runs the loop from random starts of the paper's five clusters on three made objects, with a
+policy that knows the true pose, and prints how far from it the loops end: under half a step
+on every axis if crop, rendering, moves and stop rules are right. About one loop in a thousand
+of single steps ends by oscillation instead, a few thousandths of a step farther away, because
+turns do not commute. No weights are used.
+"""
+
+ORACLE_EXAMPLES = """\
+examples:
+  moveit6d benchmark oracle --starts 1000
+  moveit6d benchmark oracle --starts 1000 --renderer pyrender
+"""
+
+RENDERED = """\
+Renders every object of a folder at random poses before photos, takes the pose away by the
+counts of one of the paper's clusters on all six axes, refines, and prints the share of cases
+with ADD below 2, 5 and 10 % of the diameter before and after, and how many steps it took.
+"""
+
+RENDERED_EXAMPLES = """\
+examples:
+  moveit6d benchmark rendered --objects meshes --photos photos --cluster all_small
+  moveit6d benchmark rendered --objects meshes --photos photos --cluster all_large --covered 1
+"""
+
+TRACKING = """\
+Tracks every sequence in a folder from its start pose to its end without reset and prints a
+Markdown table by level, under the rivals' rows if their results are given. Every sequence
+gets a fresh tracker, which never sees a true pose but the start. Rivals are scored anew from
+their CSV files. `moveit6d evaluate tracking --help` explains sequences and columns.
+
+files written to --output (nothing without it):
+  <sequence>.csv  frame,r11,...,r33,tx,ty,tz,milliseconds; the first row is the start
+  <sequence>.mp4  with --overlays: outline and axes drawn on the frames
+"""
+
+TRACKING_EXAMPLES = """\
+examples:
+  moveit6d benchmark tracking --sequences sequences --rivals rivals --output out/ours
+  moveit6d benchmark tracking --sequences sequences --only easy_00 hard_00 --per_sequence
+"""
+
+CYCLE = """\
+One cycle cuts the patch out of the frame, renders the object at the current pose, asks the
+network and moves the pose. This prints the median time of each part over many cycles on one
+object, made by the library itself if no --mesh is given, in a frame of 640x480.
+"""
+
+CYCLE_EXAMPLES = """\
+examples:
+  moveit6d benchmark cycle --threads 1
+  moveit6d benchmark cycle --mesh drill.glb --mesh_unit m --repeats 200
+"""
+
+
+def add_parser(verbs: Any) -> None:
+    """Add the verb."""
+    parser = add_verb(
+        verbs, "benchmark", "compare with other trackers, or time a cycle", DESCRIPTION, ""
+    )
+    kinds = parser.add_subparsers(title="kinds", metavar="KIND", required=True)
+    one = add_verb(
+        kinds, "tracking", "track whole sequences beside rivals", TRACKING, TRACKING_EXAMPLES
+    )
+    one.add_argument("--sequences", type=Path, required=True, metavar="DIR", help="sequences")
+    one.add_argument("--rivals", type=Path, metavar="DIR", help="a folder of CSV files a rival")
+    one.add_argument("--output", type=Path, metavar="DIR", help="where tracks are written")
+    one.add_argument("--overlays", action="store_true", help="write videos to --output, too")
+    one.add_argument("--only", nargs="+", metavar="NAME", help="only these sequences")
+    one.add_argument("--per_sequence", action="store_true", help="a row for every sequence, too")
+    one.add_argument("--name", default="moveit6d", help="name of our row")
+    add_tracking_options(one)
+    one.set_defaults(run=tracking)
+    three = add_verb(kinds, "rendered", "refine rendered objects", RENDERED, RENDERED_EXAMPLES)
+    three.add_argument("--objects", type=Path, required=True, metavar="DIR", help="meshes, metres")
+    three.add_argument("--photos", type=Path, required=True, metavar="DIR", help="backgrounds")
+    three.add_argument(
+        "--cluster", choices=CLUSTERS, default="all_small", help="how far the starts are off"
+    )
+    three.add_argument(
+        "--covered", type=float, default=0.0, metavar="SHARE",
+        help="share of cases with a third of the object covered",
+    )  # fmt: skip
+    three.add_argument("--number", type=positive, default=200, metavar="N", help="cases")
+    three.add_argument("--seed", type=int, default=0, metavar="N", help="of the cases")
+    add_tracking_options(three)
+    three.set_defaults(run=rendered)
+    four = add_verb(kinds, "oracle", "prove the loop", ORACLE, ORACLE_EXAMPLES)
+    four.add_argument("--starts", type=positive, default=100, metavar="N", help="loops a mode")
+    add_machine_options(four)
+    four.set_defaults(run=oracle)
+    two = add_verb(kinds, "cycle", "time the parts of one cycle", CYCLE, CYCLE_EXAMPLES)
+    two.add_argument("--mesh", type=Path, metavar="FILE", help="object instead of a made one")
+    two.add_argument("--mesh_unit", choices=("m", "mm"), default="m", help="the mesh's unit")
+    two.add_argument("--repeats", type=positive, default=100, metavar="N", help="cycles")
+    two.add_argument("--weights", type=Path, metavar="FILE", help="weights instead of the shipped")
+    add_machine_options(two)
+    two.set_defaults(run=cycle)
+
+
+def tracking(args: argparse.Namespace) -> int:
+    """Track, score, compare."""
+    from ..datasets.sequences import read_sequences
+    from ..errors import InputError
+    from ..estimation import PoseTracker
+    from ..evaluation.tracking import comparison_table, tracking_table
+
+    if args.overlays and args.output is None:
+        raise InputError("--overlays needs --output.")
+    sequences = read_sequences(args.sequences)
+    if args.only:
+        unknown = set(args.only) - {sequence.name for sequence in sequences}
+        if unknown:
+            raise InputError(f"{args.sequences} has no sequence {', '.join(sorted(unknown))}.")
+        sequences = [sequence for sequence in sequences if sequence.name in args.only]
+    levels = {sequence.name: sequence.level for sequence in sequences}
+    policy, renderer = set_up(args)
+
+    def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker:
+        return PoseTracker(
+            mesh, camera, start, policy=policy, renderer=renderer, max_steps=args.max_steps
+        )
+
+    trackers = _rivals(args.rivals, sequences)
+    ours: dict[str, Score] = {}
+    interrupted = False
+    try:
+        for sequence in sequences:
+            found = _one(sequence, make_tracker, args, renderer)
+            if found is not None:
+                ours[sequence.name] = found
+    except KeyboardInterrupt:
+        interrupted = True
+    if ours:
+        if trackers:
+            print(comparison_table({**trackers, args.name: ours}, levels) + "\n")
+        print(f"{args.name}\n\n{tracking_table(ours, levels, args.per_sequence)}")
+    if interrupted:
+        raise KeyboardInterrupt
+    return 0
+
+
+def cycle(args: argparse.Namespace) -> int:
+    """Time the parts of one cycle."""
+    import torch
+
+    from ..evaluation.cycle import WARM_UP, time_cycle
+    from ..evaluation.tables import plain
+    from ..geometry.mesh import Mesh
+    from ..synthesis.demo_object import demo_object
+
+    mesh = demo_object() if args.mesh is None else Mesh.load(args.mesh, args.mesh_unit)
+    policy, renderer = set_up(args)
+    count = args.repeats + WARM_UP
+    rounds = progress(range(count), count, "cycle", "cycle")
+    times = time_cycle(mesh, policy, renderer, rounds)
+    rows = [[part, f"{value:.2f}"] for part, value in times.parts.items()]
+    rows += [["sum", f"{times.total:.2f}"], ["whole cycle", f"{times.whole:.2f}"]]
+    print(f"{mesh.name}, {len(mesh.faces)} faces, {args.renderer}, "
+          f"{torch.get_num_threads()} threads, median of {args.repeats}\n")  # fmt: skip
+    print(plain(["part", "ms"], rows))
+    return 0
+
+
+def rendered(args: argparse.Namespace) -> int:
+    """Refine rendered objects."""
+    import numpy as np
+
+    from ..errors import InputError
+    from ..evaluation.rendered import make_cases, run_cases
+    from ..evaluation.tables import plain
+    from ..geometry.mesh import Mesh
+    from ..synthesis.photos import load_photos
+
+    paths = sorted(p for p in args.objects.glob("*") if p.suffix in (".glb", ".ply", ".obj"))
+    if not paths:
+        raise InputError(f"{args.objects} holds no .glb, .ply or .obj file.")
+    policy, renderer = set_up(args)
+    meshes, photos = [Mesh.load(path, "m") for path in paths], load_photos(args.photos)
+    cases = list(make_cases(
+        meshes, photos, renderer, cluster=args.cluster, covered=args.covered,
+        number=args.number, seed=args.seed,
+    ))  # fmt: skip
+    found = list(progress(
+        run_cases(cases, policy, renderer, args.max_steps), len(cases), "refine", "case"
+    ))  # fmt: skip
+    rows = []
+    for name, errors in (
+        ("before", np.array([case.before for case in found])),
+        ("after", np.array([case.after for case in found])),
+    ):
+        shares = [f"{100 * float((errors < limit).mean()):.1f}" for limit in (0.02, 0.05, 0.10)]
+        rows.append([name, *shares, f"{100 * float(np.median(errors)):.2f}"])
+    print(f"{len(found)} cases, {len(meshes)} objects, cluster {args.cluster}, covered "
+          f"{args.covered:g}, seed {args.seed}\n")  # fmt: skip
+    print(plain(["", "ADD<2%", "ADD<5%", "ADD<10%", "median % d"], rows))
+    steps = [case.result.steps for case in found]
+    print(f"\nsteps: mean {np.mean(steps):.2f}, median {np.median(steps):g}")
+    return 0
+
+
+def oracle(args: argparse.Namespace) -> int:
+    """Run the loop with the oracle."""
+    import numpy as np
+
+    from ..evaluation.oracle import oracle_errors
+    from ..evaluation.tables import plain
+    from ..policies import MoveMode
+    from ..rendering.renderer import make_renderer
+    from ..synthesis.shapes import random_object
+
+    use_threads(args.threads)
+    renderer = make_renderer(args.renderer)
+    random = np.random.default_rng(0)
+    meshes = [random_object(random) for _ in range(3)]
+    rows = []
+    for mode in MoveMode:
+        loops = oracle_errors(meshes, renderer, mode, args.starts)
+        left = np.array(list(progress(loops, args.starts, mode.value, "loop")))
+        rows.append([mode.value, str(len(left)), str(int((left < 0.5).sum())), f"{left.max():.3f}"])
+    print(f"{args.renderer}, objects {', '.join(mesh.name for mesh in meshes)}\n")
+    print(plain(["mode", "starts", "within half a step", "largest count left"], rows))
+    return 0
+
+
+def _rivals(folder: Path | None, sequences: list[Sequence]) -> dict[str, dict[str, Score]]:
+    """Every rival's scores by sequence, from the CSV files in its folder."""
+    from ..errors import InputError
+    from ..evaluation.benchmark import score_results
+
+    if folder is None:
+        return {}
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder; it should hold a folder a rival.")
+    found = {
+        place.name: score_results(sequences, place)
+        for place in sorted(folder.iterdir())
+        if place.is_dir()
+    }
+    return {name: scores for name, scores in found.items() if scores}
+
+
+def _one(
+    sequence: Sequence, make_tracker: MakeTracker, args: argparse.Namespace, renderer: Renderer
+) -> Score | None:
+    """Track one sequence, write what was asked for, and score it."""
+    from ..datasets.video import open_frames
+    from ..evaluation.benchmark import gather, run_sequence, score_track
+
+    path = None if args.output is None else new_folder(args.output) / f"{sequence.name}.csv"
+    steps = run_sequence(sequence, make_tracker)
+    length = open_frames(sequence.frames).length
+    watched = progress(steps, None if length is None else length - 1, sequence.name)
+    rows = gather(sequence, _watched(sequence, watched, args, renderer), path)
+    found = score_track(sequence, rows)
+    if found is None:
+        note(f"{sequence.name}: one true pose is too few to score.")
+    return found
+
+
+def _watched(
+    sequence: Sequence, steps: Iterator[Step], args: argparse.Namespace, renderer: Renderer
+) -> Iterator[Step]:
+    """The same steps; failures are said on stderr and, if asked for, all is drawn into a video."""
+    from ..geometry.mesh import Mesh
+    from ..visualization.video import VideoWriter
+    from .drawing import draw_step
+
+    mesh = Mesh.load(sequence.mesh, "m")
+    target = args.output / f"{sequence.name}.mp4" if args.overlays else None
+    with nullcontext() if target is None else VideoWriter(target) as movie:
+        for step in complaining(steps, f"{sequence.name}, "):
+            if movie is not None:
+                movie.write(draw_step(step, mesh, sequence.camera, renderer))
+            yield step

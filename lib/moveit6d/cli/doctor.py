@@ -1,0 +1,110 @@
+"""`moveit6d doctor`: says what works on this machine and what does not.
+
+Never installs or changes anything.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import time
+from typing import Any
+
+from ..errors import InputError, RenderingUnavailable
+from .common import NO_RENDERING, add_verb, versions
+
+DESCRIPTION = """\
+Prints versions, the renderers that run here (each one renders a test object), the network's
+weights, and the video formats that can be written. A missing OpenGL library is no fault: the
+default renderer, embree, does not need one.
+"""
+
+EPILOG = """\
+examples:
+  moveit6d doctor
+"""
+
+
+def add_parser(verbs: Any) -> None:
+    """Add the verb."""
+    add_verb(verbs, "doctor", "say what works on this machine", DESCRIPTION, EPILOG).set_defaults(
+        run=run
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the findings; 3 if the default renderer does not run, 2 if the weights do not load."""
+    import torch
+
+    print("versions")
+    for name, version in versions().items():
+        print(f"  {name:10} {version}")
+    print("machine")
+    print(f"  {'system':10} {platform.system()} {platform.machine()}")
+    print(f"  {'cores':10} {os.cpu_count()}, torch uses {torch.get_num_threads()}")
+    print("renderers")
+    works = {name: _renders(name) for name in _renderers()}
+    print("weights")
+    loads = _weights()
+    print("video")
+    _video()
+    if not works["embree"]:
+        return NO_RENDERING
+    return 0 if loads else 2
+
+
+def _renderers() -> tuple[str, ...]:
+    from ..rendering.renderer import NAMES
+
+    return NAMES
+
+
+def _renders(name: str) -> bool:
+    """Render a cube of 10 cm at half a metre and say how long that takes."""
+    import numpy as np
+    import torch
+
+    from ..geometry.mesh import Mesh
+    from ..geometry.pose import Pose
+    from ..rendering.renderer import make_renderer
+
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * 0.1
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+             [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]  # fmt: skip
+    cube = Mesh.from_arrays("cube", corners, faces)
+    pose = Pose(torch.eye(3)[None], torch.tensor([[0.0, 0.0, 0.5]]))
+    matrix = torch.tensor([[[250.0, 0.0, 63.5], [0.0, 250.0, 63.5], [0.0, 0.0, 1.0]]])
+    try:
+        renderer = make_renderer(name)
+        renderer.render([cube], pose, matrix)
+        start = time.perf_counter()
+        mask = renderer.render([cube], pose, matrix).mask
+    except RenderingUnavailable as error:
+        print(f"  {name:10} does not run here: {error}")
+        return False
+    milliseconds = 1000 * (time.perf_counter() - start)
+    right = 2500 < float(mask.sum()) < 5000
+    print(f"  {name:10} {'works' if right else 'renders nonsense'}, {milliseconds:.1f} ms a patch")
+    return right
+
+
+def _weights() -> bool:
+    from ..policies import load_policy
+
+    try:
+        policy = load_policy()
+    except InputError as error:
+        print(f"  {error}")
+        return False
+    print(f"  {'load':10} {policy.source}")
+    return True
+
+
+def _video() -> None:
+    import av
+
+    from ..visualization.video import CODECS
+
+    there = [name for name in CODECS if name in av.codecs_available]
+    print(f"  {'mp4':10} {there[0] if there else 'cannot be written'}")

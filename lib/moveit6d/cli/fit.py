@@ -1,0 +1,43 @@
+"""`moveit6d fit`: trains a network; forwards its arguments to LightningCLI.
+
+Never knows an option of its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import Any
+
+from .common import add_verb
+
+DESCRIPTION = """\
+Trains a network by a configuration file on pairs that are rendered as training goes on. Every
+value of the file can be overridden on the command line by its dotted name. Run the same command
+again after it was killed and it goes on from its last checkpoint (ckpt_path: last in the file).
+
+All options are those of LightningCLI: `moveit6d fit --all_options` prints them, and
+`moveit6d fit --config FILE --print_config` the configuration that would be used.
+"""
+
+EPILOG = """\
+examples:
+  moveit6d fit --config configs/fit/multi_object_correlation.yaml
+  moveit6d fit --config configs/fit/multi_object_correlation.yaml --data.batch_size 16
+"""
+
+
+def add_parser(verbs: Any) -> None:
+    """Add the verb."""
+    parser = add_verb(verbs, "fit", "train a network", DESCRIPTION, EPILOG)
+    parser.add_argument("--config", metavar="FILE", help="configuration, as in configs/fit")
+    parser.add_argument("options", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
+    parser.set_defaults(run=lambda args: forward([]))
+
+
+def forward(arguments: Sequence[str]) -> int:
+    """Hand the arguments after `fit` over to the trainer's command line."""
+    from lightning_modules.cli import main
+
+    main(["--help" if word == "--all_options" else word for word in arguments])
+    return 0

@@ -1,0 +1,72 @@
+"""`moveit6d VERB …`: finds the verb, runs it, and turns errors into sentences and exit codes.
+
+Never computes anything; imports nothing heavy before a verb runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+
+from .. import __version__
+from ..errors import InputError, RenderingUnavailable
+from . import benchmark, demo, doctor, evaluate, fit, refine, synthesize, track
+from .common import BAD_INPUT, EXIT_CODES, INTERRUPTED, NO_RENDERING, ManualFormatter
+
+DESCRIPTION = """\
+Follow an object's 6D pose (rotation and translation) through a video, given the object's
+mesh, the camera's intrinsics and the pose in the first frame. No training on the object.
+"""
+
+EXAMPLES = """\
+examples:
+  moveit6d track --mesh drill.glb --mesh_unit m --video clip.mp4 \\
+      --camera camera.json --start pose.json --output out
+  moveit6d doctor
+
+`moveit6d VERB --help` is the manual page of a verb.
+"""
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """The parser of all verbs."""
+    parser = argparse.ArgumentParser(
+        prog="moveit6d",
+        description=DESCRIPTION,
+        epilog=EXAMPLES + EXIT_CODES,
+        formatter_class=ManualFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"moveit6d {__version__}")
+    verbs = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
+    for verb in (track, refine, evaluate, benchmark, synthesize, fit, demo, doctor):
+        verb.add_parser(verbs)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns its exit code. `arguments` default to the process's own."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if given[:1] == ["fit"] and given[1:] not in (["--help"], ["-h"]):
+        return guarded(lambda: fit.forward(given[1:]))
+    args = make_parser().parse_args(given)
+    return guarded(lambda: int(args.run(args) or 0))
+
+
+def guarded(action: Callable[[], int]) -> int:
+    """The action's exit code, or that of the error it ended with; errors go to stderr."""
+    try:
+        return action()
+    except InputError as error:
+        print(f"moveit6d: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except RenderingUnavailable as error:
+        print(f"moveit6d: {error}", file=sys.stderr)
+        return NO_RENDERING
+    except KeyboardInterrupt:
+        print("moveit6d: stopped; what was done is kept.", file=sys.stderr)
+        return INTERRUPTED
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,157 @@
+"""`moveit6d track`: follow one object through one video.
+
+Never more than reading, the tracker's update for each frame, and writing.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+from .common import (
+    add_tracking_options,
+    add_verb,
+    complaining,
+    given,
+    new_folder,
+    progress,
+    set_up,
+    versions,
+    weights_facts,
+)
+
+if TYPE_CHECKING:
+    from ..evaluation.rollout import Record
+
+DESCRIPTION = """\
+Finds the pose in every frame, each starting from the one before; the first frame starts from
+--start. A frame that cannot be used (damaged, of another size) is recorded and the track
+goes on with the next one. The start must be roughly right: within about a quarter of the
+object's width and 20 degrees.
+
+files read:
+  --mesh    OBJ, PLY, GLB or STL, with texture, vertex colours or plain
+  --video   a folder of images (taken in the order of their names), a video file, or the
+            index of a camera (then stop with Ctrl-C)
+  --camera  {"fx", "fy", "cx", "cy", "width", "height", "distortion": [k1, k2, p1, p2, k3]}
+            in pixels, pixel (0, 0) being the centre of the top-left one; distortion optional
+  --start   {"rotation": 3x3, "translation": [x, y, z]}: object to camera, x right, y down,
+            z forward, metres, in the frame of the mesh file
+
+files written to --output:
+  poses.csv     frame,image,r11,...,r33,tx,ty,tz,steps,stopped_by,confidence,milliseconds;
+                one row a frame, empty numbers where there is no pose
+  overlay.mp4   outline and axes drawn on the frames (red where the confidence is low)
+  summary.json  frames, failed frames, milliseconds, where the track may be lost, versions
+"""
+
+EPILOG = """\
+examples:
+  moveit6d track --mesh drill.glb --mesh_unit m --video clip.mp4 \\
+      --camera camera.json --start pose.json --output out
+  moveit6d track --mesh part.stl --mesh_unit mm --video frames/ \\
+      --camera camera.json --start pose.json --output out --no_overlay --threads 1
+"""
+
+
+def add_parser(verbs: Any) -> None:
+    """Add the verb."""
+    parser = add_verb(verbs, "track", "follow an object through a video", DESCRIPTION, EPILOG)
+    needed = parser.add_argument_group("needed")
+    needed.add_argument("--mesh", type=Path, required=True, metavar="FILE", help="the object")
+    needed.add_argument("--mesh_unit", choices=("m", "mm"), required=True, help="the mesh's unit")
+    needed.add_argument(
+        "--video",
+        required=True,
+        metavar="SOURCE",
+        help="folder of images, video file or camera index",
+    )
+    needed.add_argument(
+        "--camera", type=Path, required=True, metavar="FILE", help="intrinsics (camera.json)"
+    )
+    needed.add_argument(
+        "--start", type=Path, required=True, metavar="FILE", help="pose in the first frame"
+    )
+    needed.add_argument(
+        "--output", type=Path, required=True, metavar="DIR", help="folder for the results"
+    )
+    parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
+    add_tracking_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Track and write."""
+    from ..datasets.files import PoseWriter, read_camera, read_pose
+    from ..datasets.video import open_frames
+    from ..estimation import PoseTracker
+    from ..evaluation.rollout import Record, follow
+    from ..geometry.mesh import Mesh
+    from .drawing import draw_step
+
+    mesh = Mesh.load(args.mesh, args.mesh_unit)
+    camera, start = read_camera(args.camera), read_pose(args.start)
+    frames = open_frames(args.video)
+    policy, renderer = set_up(args)
+    tracker = PoseTracker(
+        mesh, camera, start, policy=policy, renderer=renderer, max_steps=args.max_steps
+    )
+    output = new_folder(args.output)
+    record = Record()
+    with (
+        _summary(output / "summary.json", record, args),
+        PoseWriter(output / "poses.csv") as table,
+        _movie(output / "overlay.mp4", frames.fps, args.no_overlay) as movie,
+    ):
+        steps = follow(tracker, progress(frames, frames.length, "track"))
+        for step in complaining(steps):
+            table.write(step.row)
+            record.add(step)
+            if movie is not None:
+                movie.write(draw_step(step, mesh, camera, renderer))
+    return _verdict(record, output)
+
+
+@contextmanager
+def _summary(path: Path, record: Record, args: argparse.Namespace) -> Iterator[None]:
+    """Write the summary when the block ends, however it ends, if there was a frame."""
+    from ..datasets.files import write_json
+
+    interrupted = False
+    try:
+        yield
+    except KeyboardInterrupt:
+        interrupted = True
+        raise
+    finally:
+        if record.frames:
+            facts = {
+                **record.facts(),
+                "interrupted": interrupted,
+                **weights_facts(args.weights),
+                "versions": versions(),
+                "arguments": given(args),
+            }
+            write_json(path, facts)
+
+
+def _movie(path: Path, fps: float | None, left_out: bool) -> AbstractContextManager[Any]:
+    from ..visualization.video import VideoWriter
+
+    return nullcontext() if left_out else VideoWriter(path, fps or 25.0)
+
+
+def _verdict(record: Record, output: Path) -> int:
+    if record.failed == record.frames:
+        first = record.failures[0]["error"] if record.failures else "there was no frame."
+        raise InputError(f"no frame could be tracked; the first says: {first}")
+    pace = record.facts()["median_milliseconds"]
+    text = f"{record.frames} frames, {record.failed} failed, {pace:.0f} ms a frame"
+    if record.lost_from is not None:
+        text += f", perhaps lost from frame {record.lost_from}"
+    print(f"{text}: {output}")
+    return 0

@@ -1,0 +1,238 @@
+"""Frames of a video, one after the other: a folder of images, a video file, or a live camera.
+
+Never holds more than one frame and never stops at a bad one: that frame says what was wrong.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
+# A camera that gives nothing this many times in a row is taken to be gone.
+CAMERA_PATIENCE = 30
+
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame: its number from 0, its name, and the RGB image (H, W, 3), or else `error`."""
+
+    index: int
+    name: str
+    image: Image | None
+    error: str | None = None
+
+
+class FrameSource(Protocol):
+    """Frames in order; `length` and `fps` are None where nobody knows them.
+
+    May be iterated more than once, except a camera.
+    """
+
+    @property
+    def length(self) -> int | None:
+        """How many frames there should be."""
+
+    @property
+    def fps(self) -> float | None:
+        """Frames a second."""
+
+    def __iter__(self) -> Iterator[Frame]: ...
+
+
+def open_frames(source: str | Path | int) -> FrameSource:
+    """The frames of a folder of images, of a video file, or of the camera with that index.
+
+    Images of a folder come in the order of their names, numbers in names compared as numbers
+    (9.png before 10.png). `InputError` if there is nothing to read.
+    """
+    if isinstance(source, int):
+        return LiveCamera(source)
+    path = Path(source)
+    if path.is_dir():
+        return ImageFolder(path)
+    if path.exists():
+        return VideoFile(path)
+    if str(source).isdecimal():
+        return LiveCamera(int(str(source)))
+    raise InputError(f"{path} does not exist: give a folder of images, a video or a camera index.")
+
+
+def read_image(path: Path) -> Image:
+    """One image as RGB (H, W, 3); grey becomes RGB, 16 bits become 8. `InputError` if damaged."""
+    from PIL import Image as Pillow
+    from PIL import ImageOps
+
+    try:
+        with Pillow.open(path) as opened:
+            picture = ImageOps.exif_transpose(opened)
+            if picture.mode.startswith("I"):  # 16-bit grey
+                grey = np.asarray(picture).astype(np.float64) / 257
+                return np.repeat(grey.clip(0, 255).astype(np.uint8)[..., None], 3, -1)
+            return np.array(picture.convert("RGB"))
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist.") from None
+    except (OSError, ValueError, SyntaxError, Pillow.DecompressionBombError) as error:
+        raise InputError(f"{path} is not a readable image: {error}.") from error
+
+
+class ImageFolder:
+    """The images of a folder in the order of their names."""
+
+    fps: float | None = None
+
+    def __init__(self, folder: Path) -> None:
+        try:
+            names = [p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES]
+        except OSError as error:
+            raise InputError(f"{folder} cannot be read: {error.strerror}.") from error
+        self.paths = sorted((p for p in names if not p.name.startswith(".")), key=natural_order)
+        if not self.paths:
+            raise InputError(f"{folder} holds no images ({', '.join(IMAGE_SUFFIXES)}).")
+        self.length: int | None = len(self.paths)
+
+    def __iter__(self) -> Iterator[Frame]:
+        for index, path in enumerate(self.paths):
+            try:
+                yield Frame(index, path.name, read_image(path))
+            except InputError as error:
+                yield Frame(index, path.name, None, str(error))
+
+
+class VideoFile:
+    """The frames of a video file, turned upright as players do.
+
+    A damaged frame, and the place where a cut-off file ends, are frames with an error.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with self._open() as container:
+            stream = _video_stream(container, path)
+            self.length: int | None = stream.frames or None
+            self.fps: float | None = float(stream.average_rate) if stream.average_rate else None
+
+    def __iter__(self) -> Iterator[Frame]:
+        import av
+
+        index, last = 0, 0.0
+        first: float | None = None
+        broken: str | None = None
+        with self._open() as container:
+            stream = _video_stream(container, self.path)
+            packets = container.demux(stream)
+            while True:
+                try:
+                    packet = next(packets)
+                except StopIteration:
+                    break
+                except av.error.FFmpegError as error:
+                    broken = f"{error.strerror}"
+                    break
+                try:
+                    pictures = packet.decode()
+                except av.error.FFmpegError as error:
+                    yield Frame(index, self._name(index), None, f"damaged: {error.strerror}")
+                    index += 1
+                    continue
+                for picture in pictures:
+                    if picture.time is not None:
+                        first = picture.time if first is None else first
+                        last = picture.time - first
+                    yield Frame(index, self._name(index), _upright(picture))
+                    index += 1
+            if broken is not None or self._cut_off(container, stream, index, last):
+                whole = f" of {self.length}" if self.length else ""
+                message = f"{self.path} ends after {index}{whole} frames: cut off or damaged"
+                yield Frame(index, self._name(index), None, f"{message} ({broken or 'no more'}).")
+
+    def _cut_off(self, container: Any, stream: Any, frames: int, last: float) -> bool:
+        """Whether both the promised frames and the promised time are missing.
+
+        One alone proves nothing: edited videos hide frames, and the sound may be longer.
+        """
+        import av
+
+        lengths = [float(container.duration) / av.time_base] if container.duration else []
+        if stream.duration:
+            lengths.append(float(stream.duration * stream.time_base))
+        if not lengths:
+            return False
+        missing: float = min(lengths) - last
+        if self.length:
+            return frames < self.length and missing > 2.5 / (self.fps or 25)
+        return missing > 0.5 + 2.5 / (self.fps or 25)
+
+    def _open(self) -> Any:
+        import av
+
+        try:
+            return av.open(str(self.path))
+        except (av.error.FFmpegError, OSError) as error:
+            raise InputError(
+                f"{self.path} is not a video that can be opened ({error.strerror}); a video that "
+                "was cut off while it was written may have lost its index."
+            ) from error
+
+    def _name(self, index: int) -> str:
+        return f"{self.path.name}#{index:06d}"
+
+
+class LiveCamera:
+    """The frames of the camera with an index, until it is gone or the user stops."""
+
+    length: int | None = None
+
+    def __init__(self, index: int) -> None:
+        import cv2
+
+        self.index = index
+        self._device = cv2.VideoCapture(index)
+        if not self._device.isOpened():
+            raise InputError(f"camera {index} cannot be opened; is it there, and not in use?")
+        rate = self._device.get(cv2.CAP_PROP_FPS)
+        self.fps: float | None = rate if rate and rate > 0 else None
+
+    def __iter__(self) -> Iterator[Frame]:
+        index = silent = 0
+        try:
+            while silent < CAMERA_PATIENCE:
+                there, image = self._device.read()
+                name = f"camera{self.index}#{index:06d}"
+                if there:
+                    silent = 0
+                    yield Frame(index, name, np.ascontiguousarray(image[..., ::-1]))
+                else:
+                    silent += 1
+                    yield Frame(index, name, None, f"camera {self.index} gave no frame.")
+                index += 1
+        finally:
+            self._device.release()
+
+
+def natural_order(path: Path) -> list[tuple[int, str]]:
+    """Sort key for names: runs of digits compare as numbers."""
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part), part) if part.isdecimal() else (-1, part) for part in parts]
+
+
+def _video_stream(container: Any, path: Path) -> Any:
+    if not container.streams.video:
+        raise InputError(f"{path} holds no video.")
+    return container.streams.video[0]
+
+
+def _upright(picture: Any) -> Image:
+    image: Image = picture.to_ndarray(format="rgb24")
+    quarter_turns = round((picture.rotation or 0) / 90) % 4
+    return np.ascontiguousarray(np.rot90(image, quarter_turns)) if quarter_turns else image

@@ -1,0 +1,87 @@
+"""Writes a video file that ordinary players play, frame by frame.
+
+Never holds more than one frame. The file appears under its name when it is finished; whatever ends
+the block (Ctrl-C too), the frames so far make a whole video.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from ..datasets.files import replacing
+from ..datasets.video import Image
+from ..errors import InputError
+
+CODECS = ("libx264", "mpeg4")  # the first that this machine's PyAV can write
+QUALITY = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"q:v": "3"}}
+
+
+class VideoWriter:
+    """An mp4 in the making: use as a context manager and `write` RGB frames (H, W, 3) uint8.
+
+    The first frame sets the size (made even by dropping a row or column); later ones of another
+    size are scaled to it. A block that wrote no frame leaves no file.
+    """
+
+    def __init__(self, path: Path, fps: float = 25.0) -> None:
+        self.path = path
+        self.fps = fps if 0 < fps < 1000 else 25.0
+        self._place = replacing(path)
+        self._temporary = path
+        self._container: Any = None
+        self._stream: Any = None
+
+    def __enter__(self) -> VideoWriter:
+        self._temporary = self._place.__enter__()
+        return self
+
+    def write(self, image: Image) -> None:
+        """Append one frame."""
+        import av
+
+        if self._container is None:
+            self._open(image.shape[1] // 2 * 2, image.shape[0] // 2 * 2)
+        width, height = self._stream.width, self._stream.height
+        even = np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
+        picture = av.VideoFrame.from_ndarray(even, format="rgb24")
+        if (picture.width, picture.height) != (width, height):
+            picture = picture.reformat(width=width, height=height)
+        for packet in self._stream.encode(picture):
+            self._container.mux(packet)
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._container is None:
+            none = InputError(f"{self.path}: no frame was written.")
+            with suppress(InputError):
+                self._place.__exit__(type(none), none, None)
+            return
+        for packet in self._stream.encode():
+            self._container.mux(packet)
+        self._container.close()
+        self._place.__exit__(None, None, None)
+
+    def _open(self, width: int, height: int) -> None:
+        import av
+
+        if width < 2 or height < 2:
+            raise InputError(f"{self.path}: frames of {width}×{height} pixels make no video.")
+        name = next((name for name in CODECS if name in av.codecs_available), CODECS[-1])
+        try:
+            self._container = av.open(str(self._temporary), "w", format="mp4")
+        except (av.error.FFmpegError, OSError) as error:
+            raise InputError(f"{self.path} cannot be written: {error.strerror}.") from error
+        rate = Fraction(self.fps).limit_denominator(1001)
+        self._stream = self._container.add_stream(name, rate=rate, options=QUALITY[name])
+        self._stream.width, self._stream.height = width, height
+        self._stream.pix_fmt = "yuv420p"

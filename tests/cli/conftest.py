@@ -1,0 +1,28 @@
+"""A policy that knows the truth in place of the shipped weights."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.pose import Pose
+from moveit6d.policies import OraclePolicy
+
+
+@pytest.fixture
+def use_oracle(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Lets every command decide by the true pose (mesh file's frame) of a still object."""
+
+    def use(mesh: Mesh, pose: Pose, targets: int = 1) -> None:
+        oracle = OraclePolicy(Pose.stack([mesh.inner(pose)] * targets))
+
+        def load(path: Path | None = None) -> Any:
+            return oracle
+
+        monkeypatch.setattr("moveit6d.policies.load_policy", load)
+
+    return use

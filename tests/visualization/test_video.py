@@ -1,0 +1,83 @@
+"""Written videos play: right size, right colours, whole after an interruption, absent if empty."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from moveit6d.errors import InputError
+from moveit6d.visualization.video import VideoWriter
+
+
+def frame(level: int, height: int = 48, width: int = 64) -> np.ndarray:
+    image = np.zeros((height, width, 3), np.uint8)
+    image[..., 0], image[..., 2] = level, 255 - level
+    return image
+
+
+def frames_of(path: Path) -> list[np.ndarray]:
+    with av.open(str(path)) as container:
+        return [picture.to_ndarray(format="rgb24") for picture in container.decode(video=0)]
+
+
+def test_what_is_written_is_played(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "overlay.mp4"
+    with VideoWriter(path, fps=30) as movie:
+        for level in range(0, 250, 25):
+            movie.write(frame(level))
+        assert not path.exists(), "a video appears when it is finished"
+    found = frames_of(path)
+    assert len(found) == 10 and found[0].shape == (48, 64, 3)
+    for level, picture in zip(range(0, 250, 25), found, strict=True):
+        assert abs(picture[..., 0].mean() - level) < 12
+        assert abs(picture[..., 2].mean() - (255 - level)) < 12
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        assert stream.codec_context.pix_fmt == "yuv420p", "what every player can show"
+        assert float(stream.average_rate) == pytest.approx(30)
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_ctrl_c_leaves_a_whole_video(tmp_path: Path) -> None:
+    path = tmp_path / "overlay.mp4"
+    with pytest.raises(KeyboardInterrupt), VideoWriter(path) as movie:
+        for level in range(7):
+            movie.write(frame(level))
+        raise KeyboardInterrupt
+    assert len(frames_of(path)) == 7 and list(tmp_path.iterdir()) == [path]
+
+
+def test_odd_sizes_and_changing_sizes_are_written(tmp_path: Path) -> None:
+    path = tmp_path / "overlay.mp4"
+    with VideoWriter(path) as movie:
+        movie.write(frame(10, 49, 65))
+        movie.write(frame(200, 24, 32))
+    found = frames_of(path)
+    assert [picture.shape for picture in found] == [(48, 64, 3)] * 2
+    assert abs(found[1][..., 0].mean() - 200) < 12
+
+
+def test_no_frame_no_file(tmp_path: Path) -> None:
+    with VideoWriter(tmp_path / "overlay.mp4"):
+        pass
+    with pytest.raises(InputError, match="mesh"), VideoWriter(tmp_path / "overlay.mp4"):
+        raise InputError("no such mesh")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_place_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with (
+        pytest.raises(InputError, match="cannot be written"),
+        VideoWriter(tmp_path / "file" / "overlay.mp4"),
+    ):
+        pass
+
+
+def test_a_frame_too_small_for_video_is_said(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="make no video"), VideoWriter(tmp_path / "a.mp4") as movie:
+        movie.write(frame(0, 1, 1))
+    assert list(tmp_path.iterdir()) == []
