@@ -88,7 +88,6 @@ class NetworkPolicy:
         if single and self.mode is not MoveMode.SINGLE:
             raise InputError("The paper's network only chooses single actions: use mode 'single'.")
 
-    @torch.inference_mode()
     def decide(self, seen: Observation, situation: Situation) -> Decision:
         """One pass of the network."""
         return self.network(seen)
