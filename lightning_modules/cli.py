@@ -1,4 +1,4 @@
-"""`moveit6d fit`: LightningCLI over the module and the data module.
+"""`moveit6d fit`: LightningCLI over the module and the data module; its data for other verbs.
 
 Never more than arguments.
 """
@@ -30,16 +30,38 @@ class FitCLI(LightningCLI):
             torch.set_num_threads(threads)
 
 
+class DataCLI(FitCLI):
+    """Reads what a fit reads, and stops where the data module is made."""
+
+    def instantiate_classes(self) -> None:
+        """Make what the configuration names, but no trainer."""
+        made = self.parser.instantiate_classes(self.config)
+        self.datamodule = made["fit"]["data"]
+
+    def _run_subcommand(self, subcommand: str) -> None:
+        """Fit nothing."""
+
+
+def read_data(arguments: Sequence[str]) -> PairDataModule:
+    """The data module that a fit with these arguments would use; configurations as for `main`."""
+    module = _run(DataCLI, [*arguments, "--seed_everything=false"]).datamodule
+    assert isinstance(module, PairDataModule)
+    return module
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Fit by the given arguments (those of `moveit6d fit`)."""
-    given = sys.argv[1:] if arguments is None else list(arguments)
+    _run(FitCLI, sys.argv[1:] if arguments is None else arguments)
+
+
+def _run(kind: type[FitCLI], arguments: Sequence[str]) -> FitCLI:
     with warnings.catch_warnings():
         # Arguments are handed in on purpose: `moveit6d` has taken its own verb off them.
         warnings.filterwarnings("ignore", message="LightningCLI's args parameter")
-        FitCLI(
+        return kind(
             PoseActionModule,
             PairDataModule,
-            args=["fit", *given],
+            args=["fit", *arguments],
             save_config_kwargs={"overwrite": True},
             seed_everything_default=0,
         )

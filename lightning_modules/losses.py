@@ -12,18 +12,20 @@ from torch import Tensor
 from torch.nn import functional
 
 from moveit6d.actions import expert_action
-from moveit6d.networks.correlation import CellAnswer, CorrelationOutput
+from moveit6d.networks.cells import CellAnswer
+from moveit6d.networks.correlation import CorrelationOutput
 from moveit6d.networks.decision import Decision
 from moveit6d.networks.least_squares import (
     cell_pixels,
     move_points,
+    precision,
     project_points,
     surface_points,
 )
 from moveit6d.synthesis.pairs import TrainingBatch
 
 FARTHEST = 45.0  # pixels; cells that moved farther teach nothing
-RIGHT = 0.05  # mean point error in diameters under which a step counts as right
+RIGHT = 0.10  # mean point error in diameters under which a pose counts as right, as ADD < 10 % d
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,8 @@ class LossWeights:
     matching: float = 0.5
     coarse: float = 0.05
     fine: float = 0.12
+    finest: float = 0.2
+    shape: float = 0.1
     visibility: float = 0.2
     weight: float = 0.2
     solved: float = 1.0
@@ -78,9 +82,10 @@ def correlation_losses(
     output: CorrelationOutput, batch: TrainingBatch, radius: int, weights: LossWeights
 ) -> dict[str, Tensor]:
     """Every term of the correlation network's loss, unweighted, by name."""
-    coarse, fine = cell_truth(batch, 8), cell_truth(batch, 4)
+    coarse, fine, finest = (cell_truth(batch, stride) for stride in (8, 4, 2))
     coarse_flow, coarse_seen, coarse_weight = _cell_losses(output.coarse, coarse, 3.0)
     fine_flow, fine_seen, fine_weight = _cell_losses(output.fine, fine, 2.0)
+    finest_flow, _, finest_weight = _cell_losses(output.finest, finest, 1.5)
     scale = batch.counts.new_tensor(weights.scale)
     counts = output.decision.counts
     assert counts is not None
@@ -90,8 +95,10 @@ def correlation_losses(
         "matching": matching_loss(output.matching, coarse, radius),
         "coarse": coarse_flow,
         "fine": fine_flow,
+        "finest": finest_flow,
+        "shape": shape_loss(output.finest, finest),
         "visibility": coarse_seen + fine_seen,
-        "weight": coarse_weight + fine_weight,
+        "weight": coarse_weight + fine_weight + finest_weight,
         "solved": functional.smooth_l1_loss(
             output.solved / scale, batch.counts / scale, beta=weights.beta
         ),
@@ -165,6 +172,20 @@ def _cell_losses(
         _mean_entropy(answer.visibility.flatten(1), truth.visible, truth.covered),
         _mean_entropy(answer.weight.flatten(1), good, truth.covered),
     )
+
+
+def shape_loss(answer: CellAnswer, truth: CellTruth) -> Tensor:
+    """Length of the displacements' errors as the stated precision measures it.
+
+    The precision has determinant 1, so this is least where it is the errors' inverse covariance up
+    to scale. The errors themselves are not moved by it.
+    """
+    error = (answer.displacement.flatten(2).mT - truth.displacement).detach()
+    known = precision(answer.shape.flatten(2).mT)
+    x, y = error.unbind(-1)
+    measured = known[..., 0, 0] * x * x + 2 * known[..., 0, 1] * x * y + known[..., 1, 1] * y * y
+    use = truth.visible * (truth.displacement.abs().amax(-1) < FARTHEST)
+    return ((measured + 0.01).sqrt() * use).sum() / use.sum().clamp_min(1)
 
 
 def _mean_entropy(logits: Tensor, target: Tensor, where: Tensor) -> Tensor:

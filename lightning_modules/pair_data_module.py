@@ -1,52 +1,43 @@
-"""Training pairs as a Lightning data module: drawn on the fly in worker processes, without end.
+"""Training pairs as a Lightning data module: drawn in worker processes, without end, or read.
 
 Never trains. Without folders it draws objects and photos that the project's own code makes, so
-that a fit runs on a fresh machine.
+that a fit runs on a fresh machine. With several training processes each has pairs of its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pytorch_lightning as pl
 import torch
+from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, IterableDataset, get_worker_info
 
 from moveit6d.errors import InputError
-from moveit6d.geometry.mesh import Mesh
-from moveit6d.synthesis.backgrounds import procedural_photo
-from moveit6d.synthesis.pairs import PairConfig, PairGenerator, TrainingBatch
-from moveit6d.synthesis.photos import load_photos
-from moveit6d.synthesis.shapes import random_object
-
-MESH_SUFFIXES = {".glb", ".obj", ".ply", ".stl"}
-MADE_PHOTOS = 64  # pictures that are made where there is no folder of photographs
+from moveit6d.networks.inference import InferenceNetwork
+from moveit6d.networks.weights_file import load_network
+from moveit6d.observation import Observation
+from moveit6d.synthesis.pairs import PairConfig, TrainingBatch
+from moveit6d.synthesis.shards import shard_stream
+from moveit6d.synthesis.source import PairSource, mesh_files
 
 
 @dataclass(frozen=True)
-class PairSource:
-    """What pairs are drawn from; small enough to be sent to worker processes."""
+class RolloutConfig:
+    """Training on the states that the network itself leads to (METHOD 9d).
 
-    meshes: tuple[Path, ...]
-    mesh_unit: Literal["m", "mm"]
-    photos: Path | None
-    photo_limit: int | None
-    shapes: int
-    pairs: PairConfig
+    After each batch of new pictures one more batch shows the same ones after 1 to `cycles` cycles
+    of the network in `weights` (.safetensors), which is read anew whenever it changes; no such file
+    yet, or no cycles, no such batches.
+    """
 
-    def load_photos(self, random: np.random.Generator) -> list[np.ndarray]:
-        """The photographs of the folder, or generated pictures."""
-        if self.photos is not None:
-            return load_photos(Path(self.photos), self.photo_limit)
-        return [procedural_photo(random, (200, 260)) for _ in range(MADE_PHOTOS)]
-
-    def load_meshes(self) -> list[Mesh]:
-        """The meshes of the files."""
-        return [Mesh.load(path, unit=self.mesh_unit) for path in self.meshes]
+    weights: Path | None = None
+    cycles: int = 0
 
 
 class PairDataModule(pl.LightningDataModule):
@@ -58,13 +49,17 @@ class PairDataModule(pl.LightningDataModule):
         holdout: how many of them (evenly spread) validate instead of training.
         photos: folder of background photographs, or None for generated pictures.
         photo_limit: photographs kept in memory at most.
+        occluders: folder of meshes for the bank of occluders; None: the training meshes.
         shapes: random shapes with photo textures beside the meshes.
-        renew_every: batches after which one random shape is replaced by a new one.
-        batch_size: pairs a batch.
+        symmetric: share of those that are symmetric and say so.
+        renew_every: batches after which one random shape is replaced by a new one; 0: never.
+        written: folder of `moveit6d write-pairs`; None: pairs are drawn as training goes.
+        batch_size: pairs a batch, in each training process.
         workers: processes that draw pairs.
         validation_batches: fixed batches of pairs for validation.
         seed: of everything random; a resumed run goes on with pairs not seen before.
         pairs: all that is random about a pair.
+        rollouts: whether, and how, states that the network itself leads to are trained on.
     """
 
     def __init__(
@@ -74,43 +69,53 @@ class PairDataModule(pl.LightningDataModule):
         holdout: int = 8,
         photos: Path | None = None,
         photo_limit: int | None = None,
+        occluders: Path | None = None,
         shapes: int = 60,
+        symmetric: float = 0.0,
         renew_every: int = 50,
+        written: Path | None = None,
         batch_size: int = 32,
         workers: int = 1,
         validation_batches: int = 8,
         seed: int = 0,
         pairs: PairConfig | None = None,
+        rollouts: RolloutConfig | None = None,
     ) -> None:
         super().__init__()
         self.folder, self.mesh_unit, self.holdout = meshes, mesh_unit, holdout
         self.photos, self.photo_limit = photos, photo_limit
-        self.shapes, self.renew_every = shapes, renew_every
+        self.occluders, self.written = occluders, written
+        self.shapes, self.symmetric, self.renew_every = shapes, symmetric, renew_every
         self.batch_size, self.workers = batch_size, workers
         self.validation_batches, self.seed = validation_batches, seed
         self.pairs = pairs or PairConfig()
+        self.rollouts = rollouts or RolloutConfig()
         self._validation: list[TrainingBatch] = []
 
     def mesh_paths(self) -> tuple[list[Path], list[Path]]:
         """Paths of the training and of the held-out meshes."""
         if self.folder is None:
             return [], []
-        folder = Path(self.folder)
-        paths = sorted(p for p in folder.glob("*") if p.suffix.lower() in MESH_SUFFIXES)
+        paths = mesh_files(self.folder)
         if len(paths) <= self.holdout:
             raise InputError(
-                f"Mesh folder {folder} holds {len(paths)} .glb, .obj, .ply or .stl files; with "
-                f"holdout {self.holdout} more are needed."
+                f"Mesh folder {self.folder} holds {len(paths)} .glb, .obj, .ply or .stl files; "
+                f"with holdout {self.holdout} more are needed."
             )
         every = len(paths) // self.holdout if self.holdout else len(paths) + 1
         held = set(paths[every // 2 :: every][: self.holdout])
         return [p for p in paths if p not in held], [p for p in paths if p in held]
 
     def train_dataloader(self) -> DataLoader[TrainingBatch]:
-        """Pairs without end; the seed depends on the step, so that resuming sees new ones."""
-        step = self.trainer.global_step if self.trainer else 0
-        source = self._source(self.mesh_paths()[0])
-        stream = PairStream(source, self.batch_size, self.renew_every, (self.seed, step))
+        """Pairs without end; a resumed training sees new ones, and each process its own."""
+        stream: IterableDataset[TrainingBatch]
+        if self.written is not None:
+            stream = self._written_stream(self.written)
+        else:
+            stream = PairStream(
+                self.source(), self.batch_size, self.renew_every, (self.seed, self._step()),
+                self.rollouts, self._rank() * max(1, self.workers),
+            )  # fmt: skip
         return DataLoader(
             stream,
             batch_size=None,
@@ -120,51 +125,132 @@ class PairDataModule(pl.LightningDataModule):
         )
 
     def val_dataloader(self) -> DataLoader[TrainingBatch]:
-        """The same few batches each time, of objects that are not trained on."""
+        """The same few batches each time, of held-out objects, or of all if none is held out."""
         if not self._validation:
-            source = self._source(self.mesh_paths()[1])
+            train, held = self.mesh_paths()
+            source = self._source(held or train)
             random = np.random.default_rng(self.seed + 1)
             photos = source.load_photos(random)
-            meshes = source.load_meshes() or [random_object(random, photos) for _ in range(8)]
-            generator = PairGenerator(meshes, photos, self.pairs, self.seed + 1)
+            meshes = source.load_meshes() or [source.shape(random, photos) for _ in range(8)]
+            generator = source.generator(random, photos, meshes, source.load_occluders())
             self._validation = [
                 generator.batch(self.batch_size) for _ in range(self.validation_batches)
             ]
         return DataLoader(_Fixed(self._validation), batch_size=None)
 
+    def source(self) -> PairSource:
+        """What training pairs are drawn from."""
+        return self._source(self.mesh_paths()[0])
+
     def _source(self, paths: list[Path]) -> PairSource:
         shapes = self.shapes if paths else max(1, self.shapes)
+        others = mesh_files(self.occluders) if self.occluders is not None else []
         return PairSource(
-            tuple(paths), self.mesh_unit, self.photos, self.photo_limit, shapes, self.pairs
+            tuple(paths), self.mesh_unit, self.photos, self.photo_limit, shapes, self.pairs,
+            self.symmetric, tuple(others),
+        )  # fmt: skip
+
+    def _written_stream(self, folder: Path) -> WrittenStream:
+        if self.rollouts.cycles:
+            raise InputError(
+                "Rollouts need meshes to render, and written pairs have none: set "
+                "data.rollouts.cycles to 0 or data.written to null."
+            )
+        return WrittenStream(
+            folder, self.batch_size, self.seed, self._step(), self._rank(), self._processes()
         )
+
+    def _step(self) -> int:
+        return self.trainer.global_step if self.trainer else 0
+
+    def _rank(self) -> int:
+        return self.trainer.global_rank if self.trainer else 0
+
+    def _processes(self) -> int:
+        return self.trainer.world_size if self.trainer else 1
 
 
 class PairStream(IterableDataset[TrainingBatch]):
-    """Batches without end, drawn in a worker process; each worker and seed draws others."""
+    """Batches without end, drawn in a worker process; each worker and seed draws others.
+
+    `first` is the number of the first of this training process's workers among everybody's.
+    """
 
     def __init__(
-        self, source: PairSource, batch_size: int, renew_every: int, seed: tuple[int, int]
-    ) -> None:
+        self, source: PairSource, batch_size: int, renew_every: int, seed: tuple[int, int],
+        rollouts: RolloutConfig | None = None, first: int = 0,
+    ) -> None:  # fmt: skip
         super().__init__()
         self.source, self.batch_size = source, batch_size
-        self.renew_every, self.seed = renew_every, seed
+        self.renew_every, self.seed, self.first = renew_every, seed, first
+        self.rollouts = rollouts or RolloutConfig()
 
     def __iter__(self) -> Iterator[TrainingBatch]:
         worker = get_worker_info()
         if worker is not None:
             torch.set_num_threads(1)
-        random = np.random.default_rng([*self.seed, worker.id if worker else 0])
+        random = np.random.default_rng([*self.seed, self.first + (worker.id if worker else 0)])
         photos, meshes = self.source.load_photos(random), self.source.load_meshes()
         fixed = len(meshes)
-        meshes += [random_object(random, photos) for _ in range(self.source.shapes)]
-        seed = int(random.integers(2**62))
-        generator = PairGenerator(meshes, photos, self.source.pairs, seed)
-        count = 0
-        while True:
-            count += 1
-            if len(meshes) > fixed and count % self.renew_every == 0:
-                meshes[int(random.integers(fixed, len(meshes)))] = random_object(random, photos)
-            yield generator.batch(self.batch_size)
+        meshes += [self.source.shape(random, photos) for _ in range(self.source.shapes)]
+        occluders = self.source.load_occluders()
+        generator = self.source.generator(random, photos, meshes, occluders)
+        student = _Student(self.rollouts)
+        for number in count(1):
+            if len(meshes) > fixed and self.renew_every and number % self.renew_every == 0:
+                meshes[int(random.integers(fixed, len(meshes)))] = self.source.shape(random, photos)
+            batch = generator.batch(self.batch_size)
+            yield batch
+            if student.ready():
+                for _ in range(int(random.integers(1, student.cycles + 1))):
+                    batch = generator.advance(batch, student.moves(batch.observation))
+                yield batch
+
+
+class WrittenStream(IterableDataset[TrainingBatch]):
+    """Batches without end from shards; processes and workers share each epoch's shards out."""
+
+    def __init__(
+        self, folder: Path, batch_size: int, seed: int, step: int, rank: int, processes: int
+    ) -> None:
+        super().__init__()
+        self.folder, self.batch_size, self.seed = Path(folder), batch_size, seed
+        self.step, self.rank, self.processes = step, rank, processes
+
+    def __iter__(self) -> Iterator[TrainingBatch]:
+        worker = get_worker_info()
+        number, workers = (worker.id, worker.num_workers) if worker else (0, 1)
+        # Workers are asked in turn, so each has given an equal part of what was used so far.
+        skip = (self.step + workers - 1 - number) // workers
+        reader, readers = self.rank * workers + number, self.processes * workers
+        return shard_stream(self.folder, self.batch_size, self.seed, reader, readers, skip)
+
+
+class _Student:
+    """The network as it was last exported, or nobody."""
+
+    def __init__(self, config: RolloutConfig) -> None:
+        self.path, self.cycles = config.weights, config.cycles
+        self.network: InferenceNetwork | None = None
+        self.changed = 0.0
+
+    def ready(self) -> bool:
+        """Whether there is a network to ask; reads it if it is new."""
+        if not self.cycles or self.path is None or not Path(self.path).exists():
+            return False
+        changed = Path(self.path).stat().st_mtime
+        if self.network is None or changed != self.changed:
+            self.network = InferenceNetwork(load_network(Path(self.path)).network)
+            self.changed = changed
+        return True
+
+    def moves(self, seen: Observation) -> Tensor:
+        """Its six counts (B, 6) for a batch."""
+        assert self.network is not None
+        counts = self.network(seen).counts
+        if counts is None:
+            raise InputError("Rollouts need a network that answers for all six axes.")
+        return counts
 
 
 class _Fixed(Dataset[TrainingBatch]):

@@ -77,7 +77,9 @@ class PoseActionModule(pl.LightningModule):
         loss, values = self._shared_step(batch)
         values["loss"] = loss
         size = len(batch.counts)
-        self.log_dict({f"val/{name}": value for name, value in values.items()}, batch_size=size)
+        # Of all training processes together, each of which has a part of the batches.
+        named = {f"val/{name}": value for name, value in values.items()}
+        self.log_dict(named, batch_size=size, sync_dist=True)
 
     def _shared_step(self, batch: TrainingBatch) -> tuple[Tensor, dict[str, Tensor]]:
         if isinstance(self.network, ActionNet):
@@ -101,7 +103,7 @@ class PoseActionModule(pl.LightningModule):
         return loss, values
 
     def configure_optimizers(self) -> Any:
-        """AdamW with warm-up and the chosen decay."""
+        """AdamW with warm-up and the chosen decay; without weight decay it is the paper's Adam."""
         optimizer = torch.optim.AdamW(
             self.network.parameters(), lr=self.learning_rate, weight_decay=self.weight_decay
         )

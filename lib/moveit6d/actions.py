@@ -131,8 +131,8 @@ def expert_difference(
 ) -> Tensor:
     """Counts (6,) to the nearest of the goal's equivalents; poses unbatched and centred.
 
-    `symmetries` (S, 4, 4) map the centred object onto itself; the choice is the smallest largest
-    count. METHOD 4.
+    `symmetries` (S, 4, 4) map the centred object onto itself; the choice is the shortest vector of
+    counts: by the largest count alone, which is often a shift, any turn would be as good. METHOD 4.
     """
     if symmetries is None or len(symmetries) < 2:
         return difference(start, goal, sphere_diameter)
@@ -141,4 +141,4 @@ def expert_difference(
         start.rotation.expand_as(goals.rotation), start.translation.expand_as(goals.translation)
     )
     counts = difference(starts, goals, sphere_diameter.expand(len(goals)))
-    return counts[counts.abs().amax(-1).argmin()]
+    return counts[counts.norm(dim=-1).argmin()]

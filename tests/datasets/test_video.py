@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
+import threading
+import weakref
+from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
@@ -11,7 +15,15 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from moveit6d.datasets.video import Frame, ImageFolder, LiveCamera, open_frames, read_image
+from moveit6d.datasets.video import (
+    Frame,
+    ImageFolder,
+    ImageList,
+    LiveCamera,
+    Prefetched,
+    open_frames,
+    read_image,
+)
 from moveit6d.errors import InputError
 
 COLORS = [(200, 30, 30), (30, 200, 30), (30, 30, 200), (200, 200, 30), (30, 200, 200)]
@@ -207,3 +219,70 @@ def test_a_camera_gives_rgb_and_ends_when_it_is_gone(monkeypatch: pytest.MonkeyP
     assert frames[0].image is not None
     np.testing.assert_array_equal(frames[0].image, picture(0))
     assert frames[-1].error == "camera 0 gave no frame."
+
+
+class Counted:
+    """Many frames, of which it is known how many were made and how many are still held."""
+
+    length: int | None = 3000
+    fps: float | None = None
+
+    def __init__(self, stop: int = 3000) -> None:
+        self.made, self.stop = 0, stop
+        self.held: weakref.WeakSet[Held] = weakref.WeakSet()
+        self.most = 0
+
+    def __iter__(self) -> Iterator[Frame]:
+        for number in range(self.stop):
+            self.made += 1
+            image = np.zeros((8, 8, 3), np.uint8).view(Held)
+            self.held.add(image)
+            self.most = max(self.most, len(self.held))
+            yield Frame(number, str(number), image)
+            del image
+        if self.stop < 3000:
+            raise InputError("the disk is gone.")
+
+
+class Held(np.ndarray):
+    """An array that can be watched."""
+
+    __hash__ = object.__hash__  # type: ignore[assignment]
+
+
+def test_reading_ahead_keeps_order_and_holds_few_frames() -> None:
+    source = Counted()
+    frames = Prefetched(source, ahead=3)
+    assert frames.length == 3000 and frames.fps is None
+    assert [frame.index for frame in frames] == list(range(3000))
+    # Three in the queue, one waiting to go in, one with the caller, one being let go.
+    assert source.most <= 6
+
+
+def test_reading_ahead_stops_when_the_caller_does() -> None:
+    source = Counted()
+    before = threading.active_count()
+    for frame in Prefetched(source):
+        if frame.index == 5:
+            break
+    del frame
+    gc.collect()
+    assert threading.active_count() == before
+    assert source.made < 15
+
+
+def test_errors_of_the_reading_thread_reach_the_caller() -> None:
+    frames = iter(Prefetched(Counted(stop=4)))
+    assert [next(frames).index for _ in range(4)] == [0, 1, 2, 3]
+    with pytest.raises(InputError, match="the disk is gone"):
+        next(frames)
+
+
+def test_listed_images_come_in_their_own_order(tmp_path: Path) -> None:
+    paths = [tmp_path / name for name in ("b.png", "a.png", "missing.png")]
+    for number, path in enumerate(paths[:2]):
+        Pillow.fromarray(picture(number)).save(path)
+    frames = list(ImageList(paths))
+    assert [frame.name for frame in frames] == ["b.png", "a.png", "missing.png"]
+    np.testing.assert_array_equal(frames[1].image, picture(1))
+    assert frames[2].image is None and "does not exist" in (frames[2].error or "")

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import pytest
 import torch
+from PIL import Image
 
 from lightning_modules.cli import main
 from moveit6d.networks.weights_file import load_network
+from tests.support.pairs import photos
 
 CONFIG = Path(__file__).parents[2] / "configs" / "fit" / "multi_object_correlation.yaml"
 
@@ -47,14 +49,18 @@ def steps_of(checkpoint: Path) -> int:
 
 
 def test_a_killed_fit_goes_on_where_it_was(tmp_path: Path) -> None:
+    pictures = tmp_path / "photos"  # read faster than made
+    pictures.mkdir()
+    Image.fromarray(photos()[0]).save(pictures / "0.png")
     command = [
         sys.executable,
         "-c",
         "import sys; from lightning_modules.cli import main; main(sys.argv[1:])",
     ]
+    more = ["--data.photos", str(pictures)]
     checkpoint = tmp_path / "last.ckpt"
     process = subprocess.Popen(
-        [*command, *arguments(tmp_path, 10_000)], cwd=tmp_path,
+        [*command, *arguments(tmp_path, 10_000), *more], cwd=tmp_path,
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     deadline = time.monotonic() + 600
@@ -65,7 +71,7 @@ def test_a_killed_fit_goes_on_where_it_was(tmp_path: Path) -> None:
     reached = steps_of(checkpoint)
     assert reached >= 2
     resumed = subprocess.run(
-        [*command, *arguments(tmp_path, reached + 4)], cwd=tmp_path,
+        [*command, *arguments(tmp_path, reached + 4), *more], cwd=tmp_path,
         capture_output=True, text=True, timeout=600, check=False,
     )  # fmt: skip
     assert resumed.returncode == 0, resumed.stderr[-2000:]

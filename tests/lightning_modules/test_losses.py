@@ -1,5 +1,7 @@
 """Losses: their truth is right, perfect answers cost nothing, wrong ones cost more."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -27,20 +29,20 @@ def batch() -> TrainingBatch:
 
 
 def test_no_counts_mean_no_displacement(batch: TrainingBatch) -> None:
-    still = TrainingBatch(
-        batch.observation, torch.zeros_like(batch.counts), batch.observation.depth,
-        batch.observation.mask, batch.observation.mask, batch.mesh,
-    )  # fmt: skip
+    still = replace(
+        batch,
+        counts=torch.zeros_like(batch.counts),
+        true_depth=batch.observation.depth,
+        true_mask=batch.observation.mask,
+        visible=batch.observation.mask,
+    )
     truth = cell_truth(still, 8)
     assert (truth.displacement.abs() * truth.covered[..., None]).max() < 1e-3
     assert torch.equal(truth.visible, truth.covered)
 
 
 def test_covered_cells_are_not_visible(batch: TrainingBatch) -> None:
-    hidden = TrainingBatch(
-        batch.observation, batch.counts, batch.true_depth, batch.true_mask,
-        torch.zeros_like(batch.visible), batch.mesh,
-    )  # fmt: skip
+    hidden = replace(batch, visible=torch.zeros_like(batch.visible))
     assert cell_truth(hidden, 4).visible.max() == 0
 
 

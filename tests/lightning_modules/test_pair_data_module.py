@@ -1,14 +1,43 @@
-"""The data module: which meshes are held out, and streams that never repeat."""
+"""The data module: held-out meshes, streams that never repeat, written pairs, rollouts."""
 
+import dataclasses
+import os
+from collections import Counter
 from itertools import islice
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
+from PIL import Image
 
-from lightning_modules.pair_data_module import PairDataModule, PairSource, PairStream
+from lightning_modules.pair_data_module import (
+    PairDataModule,
+    PairStream,
+    RolloutConfig,
+    WrittenStream,
+    _Student,
+)
 from moveit6d.errors import InputError
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.networks.action_net import ActionConfig, ActionNet
+from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
+from moveit6d.networks.weights_file import save_network
 from moveit6d.synthesis.pairs import PairConfig
+from moveit6d.synthesis.shards import ShardPlan, ShardWriter
+from moveit6d.synthesis.source import PairSource
+from tests.support.pairs import photos
+
+TINY = CorrelationConfig(channels=(4, 6, 8), geometry=(4, 4, 4), context=8, decoder=8, fine=8)
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> PairSource:
+    """Three pictures and one made shape."""
+    folder = tmp_path_factory.mktemp("photos")
+    for number, picture in enumerate(photos()[:3]):
+        Image.fromarray(picture).save(folder / f"{number}.png")
+    return PairSource((), "m", folder, None, 1, PairConfig())
 
 
 def folder_of(tmp_path: Path, count: int) -> Path:
@@ -34,12 +63,125 @@ def test_one_object_alone_needs_no_holdout(tmp_path: Path) -> None:
 def test_a_folder_with_too_few_meshes_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds 3"):
         PairDataModule(meshes=folder_of(tmp_path, 3)).mesh_paths()
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    with pytest.raises(InputError, match=r"holds no \.glb"):
+        PairDataModule(occluders=empty).source()
 
 
-def test_a_resumed_stream_draws_other_pairs() -> None:
-    source = PairSource((), "m", None, None, 2, PairConfig())
-    batches = [
-        next(islice(PairStream(source, 2, 50, (0, step)), 0, 1)).counts for step in (0, 250, 0)
-    ]
-    assert torch.equal(batches[0], batches[2])
-    assert not torch.equal(batches[0], batches[1])
+def first_counts(source: PairSource, step: int, first: int = 0) -> torch.Tensor:
+    stream = PairStream(source, 2, 50, (0, step), None, first)
+    return next(iter(stream)).counts
+
+
+def test_a_resumed_stream_and_another_process_draw_other_pairs(source: PairSource) -> None:
+    now, again = first_counts(source, 0), first_counts(source, 0)
+    assert torch.equal(now, again)
+    assert not torch.equal(first_counts(source, 250), now)
+    assert not torch.equal(first_counts(source, 0, first=1), now)
+
+
+@pytest.mark.parametrize(("renew_every", "made"), [(0, 1), (1, 4), (2, 2)])
+def test_shapes_are_renewed_unless_the_object_is_to_stay(
+    source: PairSource, monkeypatch: pytest.MonkeyPatch, renew_every: int, made: int
+) -> None:
+    shapes = []
+    original = PairSource.shape
+
+    def counted(self: PairSource, random: np.random.Generator, pictures: list[np.ndarray]) -> Mesh:
+        shapes.append(original(self, random, pictures))
+        return shapes[-1]
+
+    monkeypatch.setattr(PairSource, "shape", counted)
+    list(islice(PairStream(source, 1, renew_every, (0, 0)), 3))
+    assert len(shapes) == made
+
+
+def test_symmetric_shapes_are_as_many_as_wanted(source: PairSource) -> None:
+    some = dataclasses.replace(source, symmetric=1.0)
+    random = np.random.default_rng(0)
+    assert all(not some.shape(random, []).symmetries.is_trivial for _ in range(4))
+
+
+# -- states that the network itself leads to -------------------------------------------------------
+
+
+def batches(source: PairSource, rollouts: RolloutConfig, count: int) -> list[torch.Tensor]:
+    stream = PairStream(source, 2, 0, (0, 0), rollouts)
+    return [batch.counts for batch in islice(stream, count)]
+
+
+def test_without_a_network_file_all_batches_are_fresh(source: PairSource, tmp_path: Path) -> None:
+    fresh = batches(source, RolloutConfig(), 3)
+    waiting = batches(source, RolloutConfig(tmp_path / "none.safetensors", 3), 3)
+    assert all(torch.equal(a, b) for a, b in zip(fresh, waiting, strict=True))
+
+
+def test_with_one_every_second_batch_is_where_it_led(source: PairSource, tmp_path: Path) -> None:
+    weights = tmp_path / "weights.safetensors"
+    save_network(CorrelationNet(TINY), weights)
+    fresh = batches(source, RolloutConfig(), 1)
+    found = batches(source, RolloutConfig(weights, 1), 2)
+    assert torch.equal(found[0], fresh[0])
+    assert found[1].shape == fresh[0].shape and not torch.equal(found[1], fresh[0])
+    assert (found[1] - found[0]).abs().max() < 60, "a move away, not another pair"
+    assert len(batches(source, RolloutConfig(weights, 0), 2)) == 2  # no cycles: none asked
+
+
+def test_a_new_file_is_read_anew(tmp_path: Path) -> None:
+    weights = tmp_path / "weights.safetensors"
+    save_network(CorrelationNet(TINY), weights)
+    student = _Student(RolloutConfig(weights, 1))
+    assert student.ready()
+    first = student.network
+    assert student.ready() and student.network is first
+    save_network(CorrelationNet(TINY), weights)
+    os.utime(weights, (1e9, 1e9))
+    assert student.ready() and student.network is not first
+
+
+def test_a_network_of_single_actions_cannot_lead(source: PairSource, tmp_path: Path) -> None:
+    weights = tmp_path / "weights.safetensors"
+    save_network(ActionNet(ActionConfig(channels=(4, 4, 4, 4), hidden=4)), weights)
+    with pytest.raises(InputError, match="all six axes"):
+        batches(source, RolloutConfig(weights, 1), 2)
+
+
+# -- pairs from disk -------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def written(source: PairSource, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("pairs")
+    writer = ShardWriter(source, ShardPlan(4, batches=2, batch_size=2), folder)
+    writer.claim()
+    for number in range(4):
+        writer.write(number)
+    return folder
+
+
+def test_the_loader_reads_every_written_pair_once_in_workers(written: Path) -> None:
+    def epoch(workers: int) -> Counter[tuple[float, ...]]:
+        module = PairDataModule(written=written, batch_size=2, workers=workers)
+        loader = module.train_dataloader()
+        return Counter(tuple(b.counts.flatten().tolist()) for b in islice(loader, 8))
+
+    alone = epoch(0)
+    assert len(alone) == 8 and set(alone.values()) == {1}
+    assert epoch(2) == alone
+
+
+def test_processes_share_written_pairs_and_go_on(written: Path) -> None:
+    def counts(step: int, rank: int, number: int) -> list[tuple[float, ...]]:
+        stream = WrittenStream(written, 2, 0, step, rank, 2)
+        return [tuple(b.counts.flatten().tolist()) for b in islice(stream, number)]
+
+    first, second = counts(0, 0, 4), counts(0, 1, 4)
+    assert not set(first) & set(second) and len(set(first + second)) == 8
+    assert counts(3, 1, 1) == second[3:]
+
+
+def test_written_pairs_and_rollouts_exclude_each_other(written: Path) -> None:
+    module = PairDataModule(written=written, rollouts=RolloutConfig(Path("w"), 2))
+    with pytest.raises(InputError, match=r"data\.rollouts\.cycles"):
+        module.train_dataloader()

@@ -1,7 +1,9 @@
-"""Data sets in BOP's layout and result files in BOP's format.
+"""Data sets in BOP's scene-wise layout and result files in BOP's format.
 
 Never scores and never renders. BOP's millimetres become metres when reading and millimetres again
-when writing; published rotations that are not quite orthonormal are projected.
+when writing. Layout: thodan/bop_toolkit docs/bop_datasets_format.md. Published quirks: rotations
+of four LM-O objects are not quite orthonormal and are projected; intrinsics may differ from image
+to image; `visib_fract` counts the parts outside of the image as hidden.
 """
 
 from __future__ import annotations
@@ -14,19 +16,21 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.symmetry import Symmetries
-from .files import read_json, replacing
+from .files import read_json, read_json_list, replacing
 from .video import Image, read_image
 
 RESULT_HEADER = ("scene_id", "im_id", "obj_id", "score", "R", "t", "time")
 MODEL_FOLDERS = ("models", "models_cad", "models_eval", "models_reconst")
-IMAGE_PLACES = tuple(
-    (kind, suffix) for kind in ("rgb", "gray") for suffix in (".png", ".jpg", ".tif", ".jpeg")
-)
+SUFFIXES = (".png", ".jpg", ".tif", ".jpeg")
+TARGETS = "test_targets_bop19.json"
 
 
 @dataclass(frozen=True)
@@ -46,20 +50,42 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Instance:
-    """One true pose in one image (metres)."""
+    """One true pose in one image (metres).
+
+    `visible_fraction` is the share of the silhouette that is seen, 1 where nothing says otherwise.
+    """
 
     object: int
     pose: Pose
+    visible_fraction: float = 1.0
+
+
+@dataclass(frozen=True)
+class BopTarget:
+    """What is to be estimated: `count` instances of an object in an image.
+
+    Both are None in the targets of BOP24's detection tasks, which name images only.
+    """
+
+    scene: int
+    image: int
+    object: int | None
+    count: int | None
 
 
 @dataclass
 class BopDataset:
-    """One split of a data set: `root/split/<scene>/…` and `root/models`."""
+    """One split of a data set: `root/split/<scene>/…` and `root/models`.
+
+    `sensor` is the suffix of data sets with several cameras: `scene_gt_cam1.json`, `rgb_cam1/` or,
+    for HOT3D, `scene_gt_gray1.json`, `gray1/`.
+    """
 
     root: Path
     split: str
+    sensor: str = ""
     _scenes: dict[tuple[int, str], dict[str, Any]] = field(default_factory=dict, repr=False)
-    _meshes: dict[int, Mesh] = field(default_factory=dict, repr=False)
+    _meshes: dict[Path, Mesh] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         if not self.root.is_dir():
@@ -68,9 +94,11 @@ class BopDataset:
             there = sorted(
                 p.name for p in self.root.iterdir() if p.is_dir() and not p.name.startswith("model")
             )
+            other = any(self.root.glob("data/*/*-meta.mat"))
             raise InputError(
                 f"{self.root} has no split {self.split!r}; folders there: "
                 f"{', '.join(there) or 'none'}."
+                + " This is YCB-Video as published, not BOP's: open it as kind ycbv." * other
             )
 
     def scenes(self) -> list[int]:
@@ -84,20 +112,36 @@ class BopDataset:
 
     def image(self, scene: int, image: int) -> Image:
         """One colour image, RGB (H, W, 3) uint8."""
-        return read_image(self._image_path(scene, image))
+        return read_image(self.image_path(scene, image))
+
+    def depth(self, scene: int, image: int) -> NDArray[np.float32] | None:
+        """Depth (H, W) along the viewing axis in metres, 0 where unknown; None without a file."""
+        from PIL import Image as Pillow
+
+        path = self._find(scene, image, ("depth",))
+        if path is None:
+            return None
+        scale = float(self._camera_entry(scene, image)[0].get("depth_scale", 1.0))
+        try:
+            with Pillow.open(path) as opened:
+                return np.asarray(opened).astype(np.float32) * np.float32(scale / 1000)
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path} is not a readable depth image: {error}.") from error
 
     def check_image(self, scene: int, image: int) -> None:
         """`InputError` unless the image's file and intrinsics are there; opens neither."""
-        self._image_path(scene, image)
+        self.image_path(scene, image)
         self.camera(scene, image, size=(1, 1))
 
     def camera(self, scene: int, image: int, size: tuple[int, int] | None = None) -> Camera:
         """The camera of one image; `size` (width, height) saves opening it."""
-        known = self._scene(scene, "scene_camera")
-        where = f"{self._folder(scene)}/scene_camera.json"
-        if str(image) not in known:
-            raise InputError(f"{where} does not know image {image}.")
-        values = known[str(image)].get("cam_K")
+        entry, where = self._camera_entry(scene, image)
+        values = entry.get("cam_K")
+        if "cam_model" in entry:
+            raise InputError(
+                f"{where}: image {image} has a cam_model, a lens that is no pinhole; undistort the "
+                "images and give cam_K."
+            )
         if not isinstance(values, list) or len(values) != 9:
             raise InputError(f"{where}: image {image} has no cam_K of 9 numbers.")
         if size is None:
@@ -108,16 +152,38 @@ class BopDataset:
     def truth(self, scene: int, image: int) -> list[Instance]:
         """The true poses of an image in the order of `scene_gt.json`."""
         known = self._scene(scene, "scene_gt")
-        where = f"{self._folder(scene)}/scene_gt.json, image {image}"
+        where = f"{self._json(scene, 'scene_gt')}, image {image}"
         if str(image) not in known:
             raise InputError(f"{where}: not there.")
+        entries = known[str(image)]
+        seen = [1.0] * len(entries)
+        if self._json(scene, "scene_gt_info").is_file():
+            info = self._scene(scene, "scene_gt_info").get(str(image), [])
+            if len(info) != len(entries):
+                raise InputError(f"{where}: scene_gt_info lists {len(info)} of {len(entries)}.")
+            seen = [float(entry.get("visib_fract", 1.0)) for entry in info]
         return [
             Instance(
                 int(entry["obj_id"]),
                 _metres(entry["cam_R_m2c"], entry["cam_t_m2c"], where),
+                visible,
             )
-            for entry in known[str(image)]
+            for entry, visible in zip(entries, seen, strict=True)
         ]
+
+    def targets(self, name: str = TARGETS) -> list[BopTarget]:
+        """What a targets file asks for, in its order."""
+        path = self.root / name
+        try:
+            return [
+                BopTarget(
+                    int(entry["scene_id"]), int(entry["im_id"]),
+                    entry.get("obj_id"), entry.get("inst_count"),
+                )
+                for entry in read_json_list(path)
+            ]  # fmt: skip
+        except (KeyError, TypeError) as error:
+            raise InputError(f"{path}: a target needs scene_id and im_id ({error}).") from None
 
     def model_info(self, number: int) -> Mapping[str, Any]:
         """What models_info.json says of an object: diameter in millimetres, symmetries, …."""
@@ -139,23 +205,60 @@ class BopDataset:
         return bool(info.get("symmetries_discrete") or info.get("symmetries_continuous"))
 
     def mesh(self, number: int) -> Mesh:
-        """The mesh of an object with its declared symmetries; read once."""
-        if number not in self._meshes:
-            symmetries = Symmetries.from_bop(self.model_info(number))
-            path = self._models() / f"obj_{number:06d}.ply"
+        """The mesh of an object with its declared symmetries, for rendering; read once."""
+        return self._mesh(self._models(), number)
+
+    def eval_mesh(self, number: int) -> Mesh:
+        """The mesh that BOP measures errors with, of models_eval where it is there; read once."""
+        folder = self.root / "models_eval"
+        there = (folder / f"obj_{number:06d}.ply").exists()
+        return self._mesh(folder if there else self._models(), number)
+
+    def mesh_path(self, number: int) -> Path:
+        """Where the mesh of an object lies."""
+        return self._models() / f"obj_{number:06d}.ply"
+
+    def symmetries(self, number: int) -> Symmetries:
+        """The declared symmetries of an object, metres."""
+        return Symmetries.from_bop(self.model_info(number))
+
+    def image_path(self, scene: int, image: int) -> Path:
+        """The file of one colour (or grey) image."""
+        path = self._find(scene, image, ("rgb", "gray"))
+        if path is None:
+            name = self._folder(scene) / (f"rgb_{self.sensor}" if self.sensor else "rgb")
+            raise InputError(
+                f"image {image} of scene {scene}: there is no {name}/{image:06d}.png or .jpg."
+            )
+        return path
+
+    def _find(self, scene: int, image: int, kinds: tuple[str, ...]) -> Path | None:
+        folder = self._folder(scene)
+        names = [f"{kind}_{self.sensor}" if self.sensor else kind for kind in kinds]
+        if self.sensor and "depth" not in kinds:
+            names.append(self.sensor)
+        places = (folder / name / f"{image:06d}{suffix}" for name in names for suffix in SUFFIXES)
+        return next((place for place in places if place.exists()), None)
+
+    def _mesh(self, folder: Path, number: int) -> Mesh:
+        path = folder / f"obj_{number:06d}.ply"
+        if path not in self._meshes:
+            symmetries = self.symmetries(number)
             if not path.exists():
                 raise InputError(f"object {number}: there is no mesh {path}.")
-            self._meshes[number] = Mesh.load(path, unit="mm", symmetries=symmetries)
-        return self._meshes[number]
+            self._meshes[path] = Mesh.load(path, unit="mm", symmetries=symmetries)
+        return self._meshes[path]
 
-    def _image_path(self, scene: int, image: int) -> Path:
-        folder = self._folder(scene)
-        for kind, suffix in IMAGE_PLACES:
-            path = folder / kind / f"{image:06d}{suffix}"
-            if path.exists():
-                return path
-        name = folder / "rgb" / f"{image:06d}"
-        raise InputError(f"image {image} of scene {scene}: there is no {name}.png or .jpg.")
+    def _camera_entry(self, scene: int, image: int) -> tuple[dict[str, Any], str]:
+        """What scene_camera.json says of an image, and the name of that file."""
+        where = str(self._json(scene, "scene_camera"))
+        known = self._scene(scene, "scene_camera")
+        if str(image) not in known:
+            raise InputError(f"{where} does not know image {image}.")
+        return known[str(image)], where
+
+    def _json(self, scene: int, name: str) -> Path:
+        return self._folder(scene) / f"{name}{f'_{self.sensor}' if self.sensor else ''}.json"
 
     def _models(self) -> Path:
         for name in MODEL_FOLDERS:
@@ -174,7 +277,7 @@ class BopDataset:
 
     def _scene(self, scene: int, name: str) -> dict[str, Any]:
         if (scene, name) not in self._scenes:
-            self._scenes[scene, name] = read_json(self._folder(scene) / f"{name}.json")
+            self._scenes[scene, name] = read_json(self._json(scene, name))
         return self._scenes[scene, name]
 
 

@@ -10,6 +10,7 @@ import csv
 import json
 import math
 import os
+import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -73,6 +74,25 @@ def replacing(path: Path) -> Iterator[Path]:
         raise InputError(f"{path} cannot be written: {error.strerror or error}.") from error
 
 
+@contextmanager
+def replacing_folder(path: Path) -> Iterator[Path]:
+    """A new folder beside `path`, which takes its place when the block ends without an error.
+
+    After an error the new folder is removed and an older one at `path` stays as it was.
+    """
+    work = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        work.mkdir(parents=True)
+        yield work
+        if path.exists():
+            shutil.rmtree(path)
+        os.replace(work, path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}.") from error
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write one JSON object, atomically. Numbers that are not finite become null."""
     text = json.dumps(_finite(content), indent=2, allow_nan=False)
@@ -82,16 +102,17 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 def read_json(path: Path) -> dict[str, Any]:
     """Read one JSON object; `InputError` for a missing file or anything else in it."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist.") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not a JSON file: {error}.") from error
+    content = _json(path)
     if not isinstance(content, dict):
         raise InputError(f"{path} must hold one JSON object in braces.")
+    return content
+
+
+def read_json_list(path: Path) -> list[Any]:
+    """Read one JSON list; `InputError` for a missing file or anything else in it."""
+    content = _json(path)
+    if not isinstance(content, list):
+        raise InputError(f"{path} must hold one JSON list in brackets.")
     return content
 
 
@@ -238,6 +259,17 @@ def by_frame(rows: Iterable[PoseRow], where: str) -> dict[int, PoseRow]:
             raise InputError(f"{where}: frame {row.frame} occurs twice.")
         found[row.frame] = row
     return found
+
+
+def _json(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist.") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is not a JSON file: {error}.") from error
 
 
 def _read_row(row: Mapping[str, str | None], where: str) -> PoseRow:

@@ -1,4 +1,4 @@
-"""Sequence folders: frames, camera, mesh, start pose and, for scoring only, the true poses.
+"""Sequences of any format, and sequence folders: frames, camera, mesh, start and the true poses.
 
 Never tracks and never shows the truth to who asks for the start. A folder holds `camera.json`,
 `frames/` (or one video file), a mesh (`mesh.glb`, `model.glb`, `model.ply`, metres), `poses.csv`
@@ -11,12 +11,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from ..errors import InputError
 from ..geometry.camera import Camera
+from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..geometry.symmetry import Symmetries
 from .files import PoseRow, by_frame, read_camera, read_pose, read_poses
-from .video import open_frames
+from .video import FrameSource, ImageList, Prefetched, open_frames
 
 MESH_NAMES = tuple(
     f"{stem}.{suffix}" for stem in ("mesh", "model") for suffix in ("glb", "ply", "obj", "stl")
@@ -26,26 +29,45 @@ VIDEO_NAMES = ("video.mp4", "video.avi", "video.mkv", "video.mov")
 
 @dataclass(frozen=True)
 class Sequence:
-    """One object followed through one video.
+    """One object followed through one video, whatever format it was read from.
 
-    `frames` is what `open_frames` takes; `start` is the pose in frame `first`; `truth` holds the
-    trusted poses by frame number (position in the video, from 0).
+    `start` is the pose in frame `first`; `truth` holds the trusted poses by frame number (position
+    in the video, from 0). Poses belong to the mesh file's frame, in metres, OpenCV axes.
     """
 
     name: str
     folder: Path
     mesh: Path
-    frames: Path
+    frames: Path  # what `open_frames` takes, unless `images` lists them
     camera: Camera
     start: Pose
     first: int
     truth: Mapping[int, Pose]
+    mesh_unit: Literal["m", "mm"] = "m"
+    images: tuple[Path, ...] | None = None  # the image files in order, instead of `frames`
+    points: Path | None = None  # evaluation points that come with the object, metres
+    group: str = ""  # what tables group by, where the name does not tell
+    object: str = ""  # name of the object
+    symmetric: bool = False  # ADD-S is its metric
+    symmetries: Symmetries | None = None  # as declared by the data set
+    keyframes: frozenset[int] | None = None  # the frames that are scored, where not all are
 
     @property
     def level(self) -> str:
-        """What sequences are grouped by: `easy` for `easy_00`, the name itself without a number."""
+        """What sequences are grouped by: `group`, else `easy` for `easy_00`, else the name."""
+        if self.group:
+            return self.group
         stem, _, number = self.name.rpartition("_")
         return stem if stem and number.isdecimal() else self.name
+
+    def load_mesh(self) -> Mesh:
+        """The object's mesh, read anew at each call."""
+        return Mesh.load(self.mesh, self.mesh_unit, self.symmetries)
+
+    def open(self) -> FrameSource:
+        """The frames in order, a few of them read ahead: memory does not grow with the length."""
+        listed = None if self.images is None else ImageList(self.images)
+        return Prefetched(open_frames(self.frames) if listed is None else listed)
 
 
 def read_sequences(folder: Path) -> list[Sequence]:
@@ -56,8 +78,8 @@ def read_sequences(folder: Path) -> list[Sequence]:
     """
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; it should hold sequences.")
-    places = [folder] if _is_sequence(folder) else sorted(p for p in folder.iterdir() if p.is_dir())
-    found = [sequence for p in places if _is_sequence(p) for sequence in read_sequence(p)]
+    places = [folder] if is_sequence(folder) else sorted(p for p in folder.iterdir() if p.is_dir())
+    found = [sequence for p in places if is_sequence(p) for sequence in read_sequence(p)]
     if not found:
         raise InputError(
             f"{folder} holds no sequence: a sequence folder has camera.json, frames/, poses.csv "
@@ -93,12 +115,14 @@ def read_sequence(folder: Path) -> list[Sequence]:
                 start=start,
                 first=first,
                 truth=known,
+                object=label,
             )
         )
     return found
 
 
-def _is_sequence(folder: Path) -> bool:
+def is_sequence(folder: Path) -> bool:
+    """Whether a folder looks like a sequence folder."""
     if not ((folder / "camera.json").exists() and (folder / "poses.csv").exists()):
         return False
     return any((folder / name).exists() for name in ("frames", *VIDEO_NAMES))

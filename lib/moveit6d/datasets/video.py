@@ -1,12 +1,15 @@
 """Frames of a video, one after the other: a folder of images, a video file, or a live camera.
 
-Never holds more than one frame and never stops at a bad one: that frame says what was wrong.
+Never holds more than the few frames read ahead and never stops at a bad one: that frame says what
+was wrong.
 """
 
 from __future__ import annotations
 
+import queue
 import re
-from collections.abc import Iterator
+import threading
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -19,6 +22,7 @@ from ..errors import InputError
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
 # A camera that gives nothing this many times in a row is taken to be gone.
 CAMERA_PATIENCE = 30
+AHEAD = 3  # frames that are read while another is worked on
 
 Image = NDArray[np.uint8]
 
@@ -86,19 +90,13 @@ def read_image(path: Path) -> Image:
         raise InputError(f"{path} is not a readable image: {error}.") from error
 
 
-class ImageFolder:
-    """The images of a folder in the order of their names."""
+class ImageList:
+    """Image files in the order given; a missing or damaged one is a frame with an error."""
 
     fps: float | None = None
 
-    def __init__(self, folder: Path) -> None:
-        try:
-            names = [p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES]
-        except OSError as error:
-            raise InputError(f"{folder} cannot be read: {error.strerror}.") from error
-        self.paths = sorted((p for p in names if not p.name.startswith(".")), key=natural_order)
-        if not self.paths:
-            raise InputError(f"{folder} holds no images ({', '.join(IMAGE_SUFFIXES)}).")
+    def __init__(self, paths: Iterable[Path]) -> None:
+        self.paths = tuple(paths)
         self.length: int | None = len(self.paths)
 
     def __iter__(self) -> Iterator[Frame]:
@@ -107,6 +105,74 @@ class ImageFolder:
                 yield Frame(index, path.name, read_image(path))
             except InputError as error:
                 yield Frame(index, path.name, None, str(error))
+
+
+class ImageFolder(ImageList):
+    """The images of a folder in the order of their names."""
+
+    def __init__(self, folder: Path) -> None:
+        try:
+            names = [p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES]
+        except OSError as error:
+            raise InputError(f"{folder} cannot be read: {error.strerror}.") from error
+        super().__init__(
+            sorted((p for p in names if not p.name.startswith(".")), key=natural_order)
+        )
+        if not self.paths:
+            raise InputError(f"{folder} holds no images ({', '.join(IMAGE_SUFFIXES)}).")
+
+
+class Prefetched:
+    """The frames of a source, up to `AHEAD` of them read while the caller works on another.
+
+    The reading thread ends with the last frame or as soon as the iteration is given up.
+    """
+
+    def __init__(self, source: FrameSource, ahead: int = AHEAD) -> None:
+        self.source, self.ahead = source, ahead
+
+    @property
+    def length(self) -> int | None:
+        """How many frames there should be."""
+        return self.source.length
+
+    @property
+    def fps(self) -> float | None:
+        """Frames a second."""
+        return self.source.fps
+
+    def __iter__(self) -> Iterator[Frame]:
+        frames: queue.Queue[Frame | BaseException | None] = queue.Queue(self.ahead)
+        given_up = threading.Event()
+
+        def put(item: Frame | BaseException | None) -> bool:
+            while not given_up.is_set():
+                try:
+                    frames.put(item, timeout=0.1)
+                    return True
+                except queue.Full:
+                    continue
+            return False
+
+        def read() -> None:
+            try:
+                for frame in self.source:
+                    if not put(frame):
+                        return
+                put(None)
+            except BaseException as error:  # belongs to who iterates
+                put(error)
+
+        reader = threading.Thread(target=read, name="frames", daemon=True)
+        reader.start()
+        try:
+            while (item := frames.get()) is not None:
+                if isinstance(item, BaseException):
+                    raise item
+                yield item
+        finally:
+            given_up.set()
+            reader.join()
 
 
 class VideoFile:

@@ -20,6 +20,7 @@ from .normals import smooth_normals
 from .pose import Pose
 from .surface import PLAIN, read_surface
 from .symmetry import Symmetries
+from .symmetry_file import symmetries_beside
 
 METRES = {"m": 1.0, "mm": 1e-3}
 SIZES = (0.005, 20.0)  # metres: smaller or larger objects are unit mistakes
@@ -51,7 +52,10 @@ class Mesh:
     def load(
         path: str | Path, unit: Literal["m", "mm"] = "m", symmetries: Symmetries | None = None
     ) -> Mesh:
-        """Read OBJ, PLY, GLB/glTF or STL; `unit` is what one unit of the file's numbers means."""
+        """Read OBJ, PLY, GLB/glTF or STL; `unit` is what one unit of the file's numbers means.
+
+        Symmetries that are not given are those declared in a file beside it (`symmetry_file`).
+        """
         path = Path(path)
         surface = read_surface(path)
         return Mesh.from_arrays(
@@ -62,7 +66,7 @@ class Mesh:
             texture=surface.texture,
             vertex_colors=surface.colors,
             unit=unit,
-            symmetries=symmetries,
+            symmetries=symmetries_beside(path) if symmetries is None else symmetries,
         )
 
     @staticmethod

@@ -1,20 +1,16 @@
-"""What happens between an object and a picture of it: occluders, blur, resolution, colour, noise.
+"""What stands between an object and a picture of it: occluders, shadows, cut-off parts and borders.
 
-Never renders. Batched tensor arithmetic through kornia; all randomness comes from the generator
-that is handed in.
+Never renders; what the camera itself does is in `lens_effects`. Batched tensor arithmetic; all
+randomness comes from the generator that is handed in.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import torch
-from kornia.enhance import (
-    adjust_contrast_with_mean_subtraction,
-    adjust_saturation_with_gray_subtraction,
-    jpeg_codec_differentiable,
-)
-from kornia.filters import filter2d
 from kornia.geometry.transform import warp_affine
 from torch import Tensor
 from torch.nn import functional
@@ -24,18 +20,41 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class AugmentConfig:
-    """Shares and ranges of what disturbs the observed patch; sizes in patch pixels."""
+    """Shares and ranges of what disturbs the observed patch; sizes in pixels of the patch of 128.
 
-    occluded: float = 0.55  # share of patches with anything in front of the object
-    occluders: int = 3  # at most
-    occluder_scale: Range = (0.2, 0.75)  # of the patch
+    The defaults are what the shipped model was trained with; the paper's numbers, each with its
+    place in the paper, stand in configs/pairs/paper.yaml.
+    """
+
+    # Blur and colour of the whole picture, as a camera makes them, or of the object and of each
+    # occluder before they are put in front of the photo, as in the paper.
+    acts_on: Literal["picture", "objects"] = "picture"
+    occluded: float = 0.6  # share of patches with anything in front of the object
+    occluders: int = 3  # at most; each number is as likely
+    occluder_scale: Range = (0.2, 1.1)  # of the patch
+    occluder_turned: bool = True  # whether occluders are turned in the picture
     photo_occluder: float = 0.45  # share of occluders cut from photos instead of other objects
+    cropped: float = 0.0  # share of which only a rectangle shows, the photo around it
+    crop: Range = (72.0, 96.0)  # height and width of that rectangle
     cluttered: float = 0.5  # share with another object behind
+    twins: float = 0.3  # share of those whose other object is the same one: alike in colour
+    background_blurred: float = 0.0  # share of photos that lie out of focus
+    background_blur: Range = (0.5, 3.5)  # standard deviation
+    shadowed: float = 0.3  # share with the edge of a shadow across the picture
+    shadow: Range = (0.35, 0.8)  # what brightness a shadow leaves
     blurred: float = 0.5
     defocus: Range = (0.2, 1.4)  # standard deviation
-    motion: Range = (0.0, 9.0)  # length of the smear
+    smeared: float = 0.5  # share of the blurred ones that moved as well
+    motion: Range = (0.0, 16.0)  # length of the smear …
+    motion_sigma: float = 0.0  # … or, above 0, |N(0, σ)| patch widths
+    radial: float = 0.0  # share with a radial (zoom) blur
+    radial_sigma: float = 0.05  # of its zoom
+    bent: float = 0.0  # share seen through a lens that the camera file gets wrong
+    bend: Range = (0.3, 1.5)  # how far off it is at the worst place of the patch
+    sharpened: float = 0.15  # share that a camera has sharpened
+    sharpness: Range = (0.3, 1.5)  # how much of the lost detail is added again
     coarse: float = 0.4  # share seen at a lower resolution
-    resolution: Range = (0.4, 0.95)  # of the patch's own
+    resolution: Range = (0.3, 0.95)  # of the patch's own; at 0.3 an object is 27 pixels wide
     jpeg: float = 0.35
     jpeg_quality: Range = (35.0, 92.0)
     brightness: Range = (0.7, 1.3)
@@ -70,15 +89,22 @@ class Dice:
         return torch.randperm(count, generator=self.generator)
 
 
+def over(picture: Tensor, layer: Tensor) -> Tensor:
+    """A layer (B, 4, H, W) of colour × alpha and alpha over a picture (B, 3, H, W)."""
+    return picture * (1 - layer[:, 3:]) + layer[:, :3]
+
+
 def paste(picture: Tensor, layer: Tensor, alpha: Tensor) -> Tensor:
     """Layer over picture: (B, 3, H, W) each, alpha (B, 1, H, W) in [0, 1]."""
     return picture + (layer - picture) * alpha
 
 
-def scatter(layers: Tensor, scale: Tensor, spread: float, dice: Dice) -> Tensor:
-    """Layers (B, C, N, N), shrunk by `scale` (B,), turned and put somewhere in the patch."""
+def scatter(
+    layers: Tensor, scale: Tensor, spread: float, dice: Dice, turned: bool = True
+) -> Tensor:
+    """Layers (B, C, N, N), shrunk by `scale` (B,), perhaps turned, put somewhere in the patch."""
     batch, size = len(layers), layers.shape[-1]
-    angle = dice.uniform(batch, between=(-3.14159, 3.14159))
+    angle = dice.uniform(batch, between=(-3.14159, 3.14159)) * turned
     place = (dice.uniform(batch, 2, between=(-0.5, 0.5)) * spread + 0.5) * size
     cosine, sine = angle.cos() * scale, angle.sin() * scale
     matrix = torch.stack([cosine, -sine, sine, cosine], -1).reshape(batch, 2, 2)
@@ -101,90 +127,86 @@ def cutout_masks(count: int, size: int, dice: Dice) -> Tensor:
     return torch.where(is_blob, blob > 0.1, card).float()[:, None]
 
 
+def loose_things(
+    objects: Tensor, photos: Tensor, config: AugmentConfig, dice: Dice
+) -> Callable[[Tensor], Tensor]:
+    """A source of occluders: other objects of the batch, and shapes cut from photos.
+
+    `objects` (B, 4, N, N) are lit objects (0 outside) with their mask, `photos` (B, 3, N, N). The
+    source is asked with the indices (n,) of the patches and answers with layers (n, 4, N, N).
+    """
+
+    def draw(chosen: Tensor) -> Tensor:
+        count = len(chosen)
+        things = objects[dice.permutation(len(objects))[:count]]
+        cut = dice.chance(count, config.photo_occluder).nonzero()[:, 0]
+        shape = cutout_masks(len(cut), objects.shape[-1], dice)
+        prints = photos[dice.permutation(len(photos))[: len(cut)]]
+        things[cut] = torch.cat([prints * shape, shape], 1)
+        return things
+
+    return draw
+
+
 def occlude(
-    picture: Tensor, objects: Tensor, photos: Tensor, config: AugmentConfig, dice: Dice
+    picture: Tensor, things: Callable[[Tensor], Tensor], config: AugmentConfig, dice: Dice
 ) -> tuple[Tensor, Tensor]:
     """Put things in front: the picture (B, 3, N, N) and what they cover, alpha (B, 1, N, N).
 
-    `objects` (B, 4, N, N) are lit objects (0 outside) with their mask, `photos` (B, 3, N, N) are
-    cut up.
+    `things` draws layers (n, 4, N, N), colour times alpha and alpha, for the chosen patches (n,).
     """
-    batch, size = len(picture), picture.shape[-1]
-    covered = torch.zeros_like(picture[:, :1])
+    batch = len(picture)
+    picture, covered = picture.clone(), torch.zeros_like(picture[:, :1])
     number = torch.randint(1, config.occluders + 1, (batch,), generator=dice.generator)
     number = number * dice.chance(batch, config.occluded)
     for layer in range(config.occluders):
-        shape = cutout_masks(batch, size, dice)
-        cut = torch.cat([photos * shape, shape], 1)[dice.permutation(batch)]
-        from_photo = dice.chance(batch, config.photo_occluder)[:, None, None, None]
-        things = torch.where(from_photo, cut, objects[dice.permutation(batch)])
         chosen = (number > layer).nonzero()[:, 0]
         if not len(chosen):
             break
         scale = dice.uniform(len(chosen), between=config.occluder_scale)
-        placed = scatter(things[chosen], scale, 1.0, dice)
+        placed = scatter(things(chosen), scale, 1.0, dice, config.occluder_turned)
         alpha = placed[:, 3:]
-        picture[chosen] = paste(picture[chosen], placed[:, :3] / alpha.clamp_min(1e-3), alpha)
+        picture[chosen] = over(picture[chosen], placed)
         covered[chosen] = torch.maximum(covered[chosen], alpha)
     return picture, covered
 
 
-def blur(picture: Tensor, config: AugmentConfig, dice: Dice) -> Tensor:
-    """Defocus and motion blur of a part of the batch by one oriented Gaussian each."""
-    chosen = dice.chance(len(picture), config.blurred).nonzero()[:, 0]
-    if not len(chosen):
-        return picture
-    count = len(chosen)
-    defocus = dice.uniform(count, between=config.defocus)
-    # A smear of length L has the variance L² / 12; half of the blurred patches have none.
-    smear = dice.uniform(count, between=config.motion) * dice.chance(count, 0.5)
-    angle = dice.uniform(count, between=(0.0, 3.14159))
-    along, across = (defocus**2 + smear**2 / 12)[:, None, None], (defocus**2)[:, None, None]
-    line = torch.arange(-4, 5).float()
+def loose(layer: Tensor) -> tuple[Tensor, Tensor]:
+    """Colour (B, 3, H, W) and alpha (B, 1, H, W) of a layer (B, 4, H, W) of colour × alpha."""
+    alpha = layer[:, 3:]
+    return layer[:, :3] / alpha.clamp_min(1e-3), alpha
+
+
+def crop_region(
+    photos: Tensor, picture: Tensor, covered: Tensor, config: AugmentConfig, dice: Dice
+) -> tuple[Tensor, Tensor]:
+    """Let only a rectangle of everything before the photo show, in a part of the batch.
+
+    Returns the picture and what is covered now. Paper, "Data Augmentation Details", last sentence.
+    """
+    batch, size = len(picture), picture.shape[-1]
+    chosen = dice.chance(batch, config.cropped)
+    extent = dice.uniform(2, batch, between=config.crop).round()
+    start = (dice.uniform(2, batch) * (size - extent + 1)).floor()
+    line = torch.arange(size).float()
+    inside = (line >= start[..., None]) & (line < (start + extent)[..., None])  # (2, B, N)
+    window = (inside[0, :, :, None] & inside[1, :, None, :])[:, None]
+    hidden = (chosen[:, None, None, None] & ~window).float()
+    return paste(picture, photos, hidden), torch.maximum(covered, hidden)
+
+
+def shadow(picture: Tensor, config: AugmentConfig, dice: Dice) -> Tensor:
+    """The edge of a shadow, soft and straight, across a part of the batch."""
+    batch, size = len(picture), picture.shape[-1]
+    line = torch.linspace(-1, 1, size)
     y, x = torch.meshgrid(line, line, indexing="ij")
-    cosine, sine = angle.cos()[:, None, None], angle.sin()[:, None, None]
-    forward, aside = x * cosine + y * sine, y * cosine - x * sine
-    kernel = torch.exp(-0.5 * (forward**2 / along + aside**2 / across))
-    picture = picture.clone()
-    picture[chosen] = filter2d(picture[chosen], kernel, normalized=True, border_type="replicate")
-    return picture
-
-
-def degrade(picture: Tensor, config: AugmentConfig, dice: Dice, groups: int = 4) -> Tensor:
-    """Lower resolution and JPEG blocks, one setting a group of the batch."""
-    size = picture.shape[-1]
-    parts = []
-    for part in picture.chunk(groups):
-        small = part
-        if dice.uniform(1).item() < config.coarse:
-            side = round(size * dice.uniform(1, between=config.resolution).item())
-            small = functional.interpolate(
-                part, (side, side), mode="bilinear", antialias=True, align_corners=False
-            )
-        if dice.uniform(1).item() < config.jpeg:
-            quality = dice.uniform(len(part), between=config.jpeg_quality)
-            small = jpeg_codec_differentiable(small.clamp(0, 1), quality)
-        if small.shape[-1] != size:
-            small = functional.interpolate(
-                small, (size, size), mode="bilinear", align_corners=False
-            )
-        parts.append(small)
-    return torch.cat(parts)
-
-
-def recolour(picture: Tensor, config: AugmentConfig, dice: Dice) -> Tensor:
-    """Exposure, contrast, saturation, white balance and sensor noise."""
-    batch = len(picture)
-    gain = 1 + dice.uniform(batch, 3, 1, 1, between=(-1.0, 1.0)) * config.channel_gain
-    picture = picture * gain * dice.uniform(batch, 1, 1, 1, between=config.brightness)
-    picture = adjust_contrast_with_mean_subtraction(
-        picture, dice.uniform(batch, between=config.contrast)
-    )
-    picture = adjust_saturation_with_gray_subtraction(
-        picture, dice.uniform(batch, between=config.saturation)
-    )
-    noise = dice.normal(*picture.shape)
-    return picture + noise * dice.uniform(batch, 1, 1, 1, between=config.noise)
+    angle = dice.uniform(batch, between=(-3.14159, 3.14159))[:, None, None]
+    place = dice.uniform(batch, between=(-0.6, 0.6))[:, None, None]
+    width = dice.uniform(batch, between=(0.02, 0.3))[:, None, None]
+    share = torch.sigmoid((x * angle.cos() + y * angle.sin() - place) / width)
+    depth = 1 - dice.uniform(batch, between=config.shadow)
+    depth = depth * dice.chance(batch, config.shadowed)
+    return picture * (1 - share * depth[:, None, None])[:, None]
 
 
 def cut_border(picture: Tensor, config: AugmentConfig, dice: Dice) -> tuple[Tensor, Tensor]:

@@ -33,7 +33,9 @@ class ClusterConfig:
     large_shift: Range = (5.0, 30.0)
     large_size: Range = (1.0, 15.0)  # t_z
     large_turn: Range = (4.0, 20.0)
-    near_range: Range = (0.0, 1.0)
+    near_shift: Range = (0.0, 1.5)
+    near_size: Range = (0.0, 3.0)
+    near_turn: Range = (0.0, 4.0)
 
     def shares(self) -> tuple[float, ...]:
         """Shares in the order of `CLUSTERS`."""
@@ -65,7 +67,9 @@ def draw_counts(
     if cluster == "all_large":
         return large
     if cluster == "near":
-        return _draw(random, (config.near_range,) * 6)
+        return _draw(
+            random, (config.near_shift,) * 2 + (config.near_size,) + (config.near_turn,) * 3
+        )
     if cluster == "one_large_rest_small":
         axis = int(random.integers(6))
         small[axis] = large[axis]

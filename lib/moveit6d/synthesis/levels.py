@@ -6,6 +6,7 @@ Never draws anything.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from ..errors import InputError
 
@@ -26,6 +27,8 @@ class Level:
     light_change: float = 0.05  # 0: steady, 1: wanders about and flickers
     clutter: tuple[int, int] = (0, 2)  # things lying about
     alike: float = 0.0  # how far the background takes on the object's colours
+    screen: Literal["", "h", "v"] = ""  # a board that hides part of the object in every frame …
+    screened: float = 0.0  # … and which share of it
 
 
 LEVELS = {

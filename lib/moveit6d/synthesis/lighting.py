@@ -32,8 +32,10 @@ class LightConfig:
     metallic: Range = (0.0, 0.85)
     smoothness: Range = (0.0, 0.8)
     distance: Range = (1.0, 4.0)  # of a light from the object, diameters
-    ambient: Range = (0.25, 0.75)  # share of the light that comes from everywhere
+    ambient: Range = (0.2, 0.75)  # share of the light that comes from everywhere
     tint: Range = (0.0, 0.35)  # how far from white the lights' colour goes
+    ambient_tint: float = 1.0  # how much of that colour the ambient light takes on
+    enhanced: Range = (1.0, 1.0)  # brightness of the lights' colour, beside their intensity
     colours: tuple[tuple[float, float, float], ...] = LIGHT_COLOURS
 
 
@@ -76,10 +78,12 @@ def light(
     ambient = uniform(batch, between=config.ambient)[sample]
     colours = torch.tensor(config.colours)
     colour = colours[torch.randint(len(colours), (batch,), generator=generator)]
-    colour = 1 + uniform(batch, 1, between=config.tint) * (colour - 1)
-    lit = ambient + (1 - ambient) * 1.6 * diffuse
-    gloss = (smooth * shine)[:, None] * (0.4 + 0.6 * metal * base)
-    result = (base * (1 - 0.3 * metal) * lit[:, None] + gloss) * colour[sample]
+    colour = uniform(batch, 1, between=config.tint) * (colour - 1)
+    around = (1 + config.ambient_tint * colour)[sample] * ambient[:, None]
+    colour = ((1 + colour) * uniform(batch, 1, between=config.enhanced))[sample]
+    lit = around + colour * ((1 - ambient) * 1.6 * diffuse)[:, None]
+    gloss = (smooth * shine)[:, None] * (0.4 + 0.6 * metal * base) * colour
+    result = base * (1 - 0.3 * metal) * lit + gloss
     plain = (uniform(batch) < config.unlit)[sample][:, None]
     result = torch.where(plain, base, result)
     picture = torch.zeros_like(albedo)

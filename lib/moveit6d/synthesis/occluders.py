@@ -61,6 +61,18 @@ def card(
     return Occluder("card", mesh, np.zeros(3), None)
 
 
+def board(
+    rng: np.random.Generator, size: tuple[float, float], photos: Sequence[Picture] | None = None
+) -> Mesh:
+    """A flat board of width × height metres, printed, its middle in the file frame's origin."""
+    part = make.box(np.array([*size, 0.02 * min(size)]))
+    if photos:
+        print_ = photo_crop(rng, photos, 256, 384)
+    else:
+        print_ = paint(rng, 256, 384, random_palette(rng))
+    return Mesh.from_arrays("board", part.vertices, part.faces, uv=part.uv, texture=print_)
+
+
 def hand(rng: np.random.Generator, scale: float = 1.0) -> Occluder:
     """A stylised hand: palm, four fingers, thumb, forearm in a sleeve; fingers point along +y."""
     palm = make.superquadric((0.042, 0.05, 0.014), (0.7, 0.5), 18)

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3
@@ -21,6 +23,24 @@ from .occluders import Occluder, random_occluder
 from .photograph import bounds, silhouette
 
 Floats = NDArray[np.float64]
+
+
+class Cover(Protocol):
+    """Whatever may stand in front of an object: its mesh, when it is there, and where."""
+
+    @property
+    def kind(self) -> str:
+        """What it is, in a word."""
+
+    @property
+    def mesh(self) -> Mesh:
+        """Its surface."""
+
+    def present(self, frame: float) -> bool:
+        """Whether it is about at a frame."""
+
+    def poses(self, times: Floats) -> Pose:
+        """Its centred poses at the moments (B,)."""
 
 
 @dataclass
@@ -41,6 +61,16 @@ class Passage:
     turn: torch.Tensor  # (3, 3)
     wobble: Wander
     near: float = 0.0
+
+    @property
+    def kind(self) -> str:
+        """What passes."""
+        return self.occluder.kind
+
+    @property
+    def mesh(self) -> Mesh:
+        """Its surface."""
+        return self.occluder.mesh
 
     def present(self, frame: float) -> bool:
         """Whether the occluder is about at a frame (a little generously)."""
@@ -97,26 +127,38 @@ def plan_passages(
 
 
 def visible_fraction(
-    renderer: Renderer, mesh: Mesh, motion: Motion, passages: Sequence[Passage], time: float
+    renderer: Renderer, mesh: Mesh, motion: Motion, covers: Sequence[Cover], time: float
 ) -> float:
     """Share of the object's silhouette that is inside the frame and not covered."""
-    pose, camera = motion.pose(time), motion.camera
-    batch = Pose(pose.rotation[None], pose.translation[None])
-    box = bounds(mesh, batch, camera) or (0, 0, camera.width, camera.height)
-    left, top = int(box[0]) - 2, int(box[1]) - 2
-    window = (left, top, int(max(box[2] - box[0], box[3] - box[1])) + 6)
+    return visible_share(renderer, mesh, motion.pose(time), motion.camera, covers, time)
+
+
+def visible_share(
+    renderer: Renderer, mesh: Mesh, pose: Pose, camera: Camera, covers: Sequence[Cover], time: float
+) -> float:
+    """Share of the silhouette at a centred pose that is inside the frame and not covered."""
+    window = outline_window(mesh, pose, camera)
+    left, top, _ = window
     depth = silhouette(renderer, mesh, pose, camera, window)
     seen = depth > 0
     total = int(seen.sum())
     line = np.arange(window[2])
     seen &= ((line + left >= 0) & (line + left < camera.width))[None]
     seen &= ((line + top >= 0) & (line + top < camera.height))[:, None]
-    for passage in passages:
-        if passage.present(time):
-            place = passage.poses(np.array([time]))[0]
-            before = silhouette(renderer, passage.occluder.mesh, place, camera, window)
+    for cover in covers:
+        if cover.present(time):
+            place = cover.poses(np.array([time]))[0]
+            before = silhouette(renderer, cover.mesh, place, camera, window)
             seen &= (before == 0) | (before > depth)
     return float(seen.sum()) / max(total, 1)
+
+
+def outline_window(mesh: Mesh, pose: Pose, camera: Camera) -> tuple[int, int, int]:
+    """Left, top and size of a square that holds the object's whole silhouette, frame or not."""
+    batch = Pose(pose.rotation[None], pose.translation[None])
+    box = bounds(mesh, batch, camera) or (0, 0, camera.width, camera.height)
+    left, top = int(box[0]) - 2, int(box[1]) - 2
+    return left, top, int(max(box[2] - box[0], box[3] - box[1])) + 6
 
 
 def _passage(

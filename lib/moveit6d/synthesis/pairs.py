@@ -11,9 +11,10 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional
 
-from ..actions import PoseAction
-from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE
+from ..actions import PoseAction, difference
+from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE, crop_patches, look_at
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
@@ -21,20 +22,13 @@ from ..observation import Observation
 from ..rendering.embree import EmbreeRenderer
 from ..rendering.renderer import GBuffer
 from ..rendering.shading import shade_plain
-from .augment import (
-    AugmentConfig,
-    Dice,
-    blur,
-    cut_border,
-    degrade,
-    occlude,
-    paste,
-    recolour,
-    scatter,
-)
+from .augment import AugmentConfig, Dice
 from .clusters import ClusterConfig, draw_counts
-from .lighting import LightConfig, light
-from .photos import random_square
+from .composing import Composer
+from .equivalents import nearest_counts
+from .hands import HandConfig
+from .lighting import LightConfig
+from .occluder_bank import BankConfig, patch_intrinsics
 
 
 @dataclass(frozen=True)
@@ -44,17 +38,25 @@ class PairConfig:
     clusters: ClusterConfig = field(default_factory=ClusterConfig)
     lights: LightConfig = field(default_factory=LightConfig)
     augment: AugmentConfig = field(default_factory=AugmentConfig)
+    hands: HandConfig = field(default_factory=HandConfig)
+    bank: BankConfig = field(default_factory=BankConfig)
     distance: tuple[float, float] = (2.2, 14.0)  # of the object in diameters, log-uniform
-    texture_gain: float = 0.15  # how far the mesh's colours may be from the object's, a channel
+    # What a policy may move at once, and how far off it may lead, in training on its own states.
+    farthest: tuple[float, ...] = (35.0, 35.0, 20.0, 25.0, 25.0, 25.0)
+    texture_gain: float = 0.2  # how far the mesh's colours may be from the object's, a channel
+    texture_wave: float = 0.0  # the same, changing smoothly over the rendering
 
 
 @dataclass(frozen=True)
 class TrainingBatch:
     """Observations and the truth about them, B pairs.
 
-    `counts` (B, 6) take the start to the truth; `true_depth` (B, 1, 128, 128) is the true pose's
+    `counts` (B, 6) take the start to the truth, or to the nearest pose that looks the same if the
+    object declares symmetries; `true_depth` (B, 1, 128, 128) is the true pose's
     depth as in `Observation.depth`, `true_mask` (B, 1, 128, 128) its silhouette and `visible`
-    (B, 1, 128, 128) what of that nothing covers; `mesh` (B,) is the index of the object.
+    (B, 1, 128, 128) what of that nothing covers; `clear` (B, 1, 128, 128) is 1 where nothing would
+    cover the object; `mesh` (B,) is the index of the object and `rotation` (B, 3, 3) the start's in
+    its look-at view.
     """
 
     observation: Observation
@@ -62,7 +64,9 @@ class TrainingBatch:
     true_depth: Tensor
     true_mask: Tensor
     visible: Tensor
+    clear: Tensor
     mesh: Tensor
+    rotation: Tensor
 
     def to(self, device: torch.device) -> TrainingBatch:
         """The same pairs on another device."""
@@ -73,12 +77,18 @@ class PairGenerator:
     """Draws batches of pairs from meshes and photos; the same seed gives the same pairs."""
 
     def __init__(
-        self, meshes: list[Mesh], photos: list[np.ndarray], config: PairConfig, seed: int
-    ) -> None:
-        self.meshes, self.photos, self.config = meshes, photos, config
+        self, meshes: list[Mesh], photos: list[np.ndarray], config: PairConfig, seed: int,
+        occluders: list[Mesh] | None = None,
+    ) -> None:  # fmt: skip
+        """`occluders` fill the bank, if there is one; the same meshes unless others are given."""
+        self.meshes, self.config = meshes, config
         self.random = np.random.default_rng(seed)
         self.generator = torch.Generator().manual_seed(int(self.random.integers(2**62)))
         self.renderer = EmbreeRenderer()
+        self.dice = Dice(self.generator)
+        self.composer = Composer(photos, config.augment, config.lights, self.random, self.dice)
+        self.composer.use_bank(config.bank, occluders or meshes, self.renderer, config.distance)
+        self.composer.use_hands(config.hands, self.renderer)
 
     def batch(self, size: int, cluster: str | None = None) -> TrainingBatch:
         """`size` new pairs, of one named cluster if given."""
@@ -97,68 +107,77 @@ class PairGenerator:
         ahead[:, 2] = distance * diameter
         start = Pose(rotation, ahead)
         truth = PoseAction.of(counts).apply(start, diameter)
-        intrinsics = _intrinsics(distance)
+        counts = nearest_counts(meshes, start, truth, diameter)
+        intrinsics = patch_intrinsics(OBJECT_SIZE * distance)
         rendered = self.renderer.render(meshes, start, intrinsics)
         observed = self.renderer.render(meshes, truth, intrinsics)
-        return self._picture(index, counts, distance.float(), diameter.float(), rendered, observed)
-
-    def _picture(
-        self, index: Tensor, counts: Tensor, distance: Tensor, diameter: Tensor,
-        rendered: GBuffer, observed: GBuffer,
-    ) -> TrainingBatch:  # fmt: skip
-        config, dice = self.config, Dice(self.generator)
-        batch = len(index)
         relative, true_depth = (
-            (buffer.depth / diameter[:, None, None, None] - distance[:, None, None, None])
-            * buffer.mask
-            for buffer in (rendered, observed)
+            _relative(buffer, distance, diameter) for buffer in (rendered, observed)
         )
-        lit = light(
-            observed.albedo, observed.normal, true_depth, observed.mask, distance,
-            config.lights, self.generator,
+        picture, clear = self.composer.picture(observed, true_depth, distance.float())
+        rendering = self._rendering(rendered)
+        observation = Observation(picture, rendering, relative, rendered.mask, distance.float())
+        return TrainingBatch(
+            observation, counts.float(), true_depth, observed.mask, observed.mask * clear, clear,
+            index, rotation,
         )  # fmt: skip
-        backgrounds, cuts = self._photos(batch), self._photos(batch)
-        objects = torch.cat([lit * observed.mask, observed.mask], 1)
-        picture = backgrounds
-        behind = dice.chance(batch, config.augment.cluttered).nonzero()[:, 0]
-        if len(behind):
-            others = objects[dice.permutation(batch)][behind]
-            placed = scatter(others, dice.uniform(len(behind), between=(0.4, 1.1)), 1.0, dice)
-            picture[behind] = paste(
-                picture[behind], placed[:, :3] / placed[:, 3:].clamp_min(1e-3), placed[:, 3:]
-            )
-        picture = paste(picture, *_soft_edge(lit, observed.mask))
-        picture, covered = occlude(picture, objects, cuts, config.augment, dice)
-        picture = blur(picture, config.augment, dice)
-        picture = degrade(picture, config.augment, dice)
-        picture = recolour(picture, config.augment, dice)
-        picture, border = cut_border(picture.clamp(0, 1), config.augment, dice)
-        visible = observed.mask * (covered < 0.5) * (1 - border)
-        gain = 1 + dice.uniform(batch, 3, 1, 1, between=(-1.0, 1.0)) * config.texture_gain
-        rendering = (shade_plain(rendered) * gain).clamp(0, 1)
-        observation = Observation(
-            (picture * 255).round() / 255, rendering, relative, rendered.mask, distance
+
+    def advance(self, batch: TrainingBatch, moves: Tensor) -> TrainingBatch:
+        """The same pictures as they look after a policy's moves (B, 6), with new renderings.
+
+        So that a network is trained on the states that it leads to (METHOD 9d). A move that would
+        lose the object, or that leads farther away than `farthest`, is not made.
+        """
+        meshes = [self.meshes[int(i)] for i in batch.mesh]
+        diameter = torch.tensor([mesh.sphere_diameter for mesh in meshes], dtype=torch.float64)
+        ahead = torch.zeros(len(meshes), 3, dtype=torch.float64)
+        ahead[:, 2] = batch.observation.distance.double() * diameter
+        start = Pose(batch.rotation, ahead)
+        truth = PoseAction.of(batch.counts.double()).apply(start, diameter)
+        moves = self._sensible(moves.double(), start, truth, diameter)
+        moved = PoseAction.of(moves).apply(start, diameter)
+        view = look_at(moved, diameter)
+        here, goal = view.to_virtual(moved), view.to_virtual(truth)
+        distance = view.distance / diameter
+        rendered = self.renderer.render(meshes, here, view.intrinsics)
+        observed = self.renderer.render(meshes, goal, view.intrinsics)
+        old = patch_intrinsics(OBJECT_SIZE * batch.observation.distance.double())
+        layers = torch.cat([batch.observation.image, batch.clear], 1)
+        layers = crop_patches(layers, view, old)
+        clear = (layers[:, 3:] > 0.5).float()
+        relative, true_depth = (
+            _relative(buffer, distance, diameter) for buffer in (rendered, observed)
         )
-        return TrainingBatch(observation, counts.float(), true_depth, observed.mask, visible, index)
+        observation = Observation(
+            layers[:, :3], self._rendering(rendered), relative, rendered.mask, distance.float()
+        )
+        return TrainingBatch(
+            observation, nearest_counts(meshes, here, goal, diameter).float(), true_depth,
+            observed.mask, observed.mask * clear, clear, batch.mesh, here.rotation,
+        )  # fmt: skip
 
-    def _photos(self, count: int) -> Tensor:
-        squares = [random_square(self.photos, self.random, PATCH_SIZE) for _ in range(count)]
-        return torch.from_numpy(np.stack(squares)).permute(0, 3, 1, 2).float() / 255
+    def _sensible(self, moves: Tensor, start: Pose, truth: Pose, diameter: Tensor) -> Tensor:
+        """The moves (B, 6), zero where they would lose the object."""
+        far = torch.tensor(self.config.farthest, dtype=torch.float64)
+        moves = moves.clamp(-far, far)
+        moved = PoseAction.of(moves).apply(start, diameter)
+        left = difference(moved, truth, diameter).abs()
+        keep = (left <= far).all(-1) & (moved.translation[:, 2] > 1.5 * diameter)
+        return moves * keep[:, None]
+
+    def _rendering(self, rendered: GBuffer) -> Tensor:
+        """The start's rendering (B, 3, 128, 128) in colours that are not quite the object's."""
+        batch, dice = len(rendered.mask), self.dice
+        gain = dice.uniform(batch, 3, 1, 1, between=(-1.0, 1.0)) * self.config.texture_gain
+        if self.config.texture_wave > 0:
+            coarse = dice.uniform(batch, 3, 4, 4, between=(-1.0, 1.0)) * self.config.texture_wave
+            gain = gain + functional.interpolate(
+                coarse, (PATCH_SIZE, PATCH_SIZE), mode="bilinear", align_corners=True
+            )
+        return (shade_plain(rendered) * (1 + gain)).clamp(0, 1)
 
 
-def _intrinsics(distance: Tensor) -> Tensor:
-    matrix = torch.zeros(len(distance), 3, 3, dtype=torch.float64)
-    matrix[:, 0, 0] = matrix[:, 1, 1] = OBJECT_SIZE * distance
-    matrix[:, 0, 2] = matrix[:, 1, 2] = (PATCH_SIZE - 1) / 2
-    matrix[:, 2, 2] = 1
-    return matrix
-
-
-def _soft_edge(lit: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
-    """The object with an edge about a pixel wide, as a camera's pixels would show it."""
-    kernel = torch.tensor([0.25, 0.5, 0.25])
-    weight = (kernel[:, None] * kernel[None]).expand(4, 1, 3, 3)
-    both = torch.nn.functional.conv2d(torch.cat([lit * mask, mask], 1), weight, padding=1, groups=4)
-    alpha = both[:, 3:]
-    spread = both[:, :3] / alpha.clamp_min(1e-3)
-    return torch.where(mask > 0.5, lit, spread), alpha
+def _relative(buffer: GBuffer, distance: Tensor, diameter: Tensor) -> Tensor:
+    """Depth behind the object's centre in diameters, 0 outside the object."""
+    depth = buffer.depth / diameter.float()[:, None, None, None]
+    return (depth - distance.float()[:, None, None, None]) * buffer.mask

@@ -7,8 +7,6 @@ little off in time and place; the pose of a frame is that of the middle of its e
 from __future__ import annotations
 
 import math
-import os
-import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -18,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..datasets.files import POSE_COLUMNS, write_camera, write_json, write_pose
+from ..datasets.files import POSE_COLUMNS, replacing_folder, write_camera, write_json, write_pose
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
@@ -27,12 +25,15 @@ from ..rendering.renderer import make_renderer
 from .levels import Level, find_level
 from .mesh_file import write_glb
 from .motion import SUBSTEPS, Motion, random_motion
-from .occlusion import plan_passages, visible_fraction
+from .occlusion import Cover, plan_passages, visible_fraction, visible_share
 from .photograph import Material, Sensor, expose, lay, one_thread, render_layers
 from .scenery import Ground, Lamp
+from .screens import plan_screen
+from .table import Attached, lay_around
 
 Picture = NDArray[np.uint8]
 MADE_BY = "moveit6d.synthesis.sequence"
+BESIDE = 1  # stream of random numbers
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,7 @@ class Shot:
     image: Picture  # (H, W, 3)
     pose: Pose
     visible_fraction: float
+    others: tuple[tuple[Pose, float], ...] = ()  # the same of the objects that move with it
 
 
 def write_sequence(
@@ -66,9 +68,8 @@ def write_sequence(
     folder = Path(folder)
     _refuse_foreign(folder)
     scene = Scene(mesh, seed, frames, level, photos, camera)
-    work = folder.with_name(f".{folder.name}.{os.getpid()}")
-    try:
-        (work / "frames").mkdir(parents=True)
+    with replacing_folder(folder) as work:
+        (work / "frames").mkdir()
         rows = []
         for number in range(frames):
             shot = scene.shoot(number)
@@ -84,13 +85,6 @@ def write_sequence(
         head = ",".join(("frame", "image", *POSE_COLUMNS, "visible_fraction"))
         (work / "poses.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
         write_json(work / "info.json", {**scene.facts(), "seed": seed, "jpeg_quality": quality})
-        if folder.exists():
-            shutil.rmtree(folder)
-        os.replace(work, folder)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be written: {error.strerror or error}.") from error
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
     return folder
 
 
@@ -106,6 +100,7 @@ class Scene:
         level: str | Level = "medium",
         photos: Sequence[Picture] | None = None,
         camera: Camera | None = None,
+        others: Sequence[Mesh] = (),
     ) -> None:
         if frames < 2:
             raise InputError(f"A sequence needs at least 2 frames, {frames} were asked for.")
@@ -127,11 +122,18 @@ class Scene:
             margin=self.level.margin,
         )
         self.shutter = rng.uniform(*self.level.shutter)
-        self.passages = plan_passages(
+        self.passages: list[Cover] = list(plan_passages(
             rng, self._renderer, mesh, self.motion, frames,
             share=rng.uniform(*self.level.covered_frames), covered=self.level.covered,
             photos=photos,
-        )  # fmt: skip
+        ))  # fmt: skip
+        beside = np.random.default_rng([seed, BESIDE])  # what came later leaves older clips as is
+        self.others = lay_around(beside, mesh, others, self.motion, frames)
+        if self.level.screen:
+            self.passages.append(plan_screen(
+                beside, self._renderer, mesh, self.motion, frames,
+                side=self.level.screen, share=self.level.screened, photos=photos,
+            ))  # fmt: skip
         self._material = Material(rng.uniform(0.0, 0.25), rng.uniform(8, 60))
         self._lamp = Lamp(rng, self.level.light_change)
         self._ground = Ground(rng, self._renderer, self.camera, mesh, self.level, photos)
@@ -147,8 +149,9 @@ class Scene:
         light, exposure = self._lamp(number)
         glow = np.float32(self._lamp.glow(number))
         things = [(self.mesh, self._poses(self.motion, times), self._material)]
+        things += [(other.mesh, other.poses(times), self._material) for other in self.others]
         things += [
-            (passage.occluder.mesh, passage.poses(times), Material(0.03, 12))
+            (passage.mesh, passage.poses(times), Material(0.03, 12))
             for passage in self.passages
             if passage.present(number)
         ]
@@ -167,9 +170,19 @@ class Scene:
         sensor = replace(self._sensor, exposure=exposure)
         image = expose(rng, total / np.float32(len(times)), sensor)
         pose = self.motion.pose(number)
-        seen = visible_fraction(self._renderer, self.mesh, self.motion, self.passages, number)
+        covers = [*self.passages, *self.others]
+        seen = visible_fraction(self._renderer, self.mesh, self.motion, covers, number)
         self._visible.append(seen)
-        return Shot(image, self.mesh.outer(pose), seen)
+        beside = tuple(self._beside(one, number) for one in self.others)
+        return Shot(image, self.mesh.outer(pose), seen, beside)
+
+    def _beside(self, one: Attached, number: int) -> tuple[Pose, float]:
+        """Of an object that moves with the first: its pose (file frame) and what is seen of it."""
+        first = Attached(self.mesh, self.motion, Pose.identity())
+        covers = [*self.passages, first, *(other for other in self.others if other is not one)]
+        pose = one.pose(number)
+        seen = visible_share(self._renderer, one.mesh, pose, self.camera, covers, number)
+        return one.mesh.outer(pose), seen
 
     def facts(self) -> dict[str, object]:
         """What was drawn, for info.json."""
@@ -189,7 +202,7 @@ class Scene:
             "mean_deg_per_frame": round(float(degrees.mean()), 2),
             "occluded_frames": round(float(np.mean(np.array(self._visible) < 0.99)), 3),
             "min_visible_fraction": round(min(self._visible), 4),
-            "occluders": [passage.occluder.kind for passage in self.passages],
+            "occluders": [passage.kind for passage in self.passages],
             "shutter": round(self.shutter, 3),
             "fps": 30,
             "frames": self.frames,

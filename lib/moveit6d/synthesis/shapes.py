@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.mesh import Mesh
+from ..geometry.symmetry import Symmetries
 from . import primitives as make
+from .part_symmetries import placed, plain_symmetries
 from .primitives import Floats, Part
 from .textures import Colour, Picture, paint, random_palette
 
@@ -33,23 +35,31 @@ def random_object(
     parts = family(rng)
     size = float(np.exp(rng.uniform(*np.log(SIZES))))
     turn = make.rotation(rng)
-    texture, parts = _skinned(rng, parts, photos)
-    return _assembled(family.__name__.strip("_"), parts, texture, size, turn, rng.uniform(-1, 1, 3))
+    texture, parts, plain = _skinned(rng, parts, photos)
+    # Dirt of a few grey levels is no print: a plain can is a body of revolution.
+    symmetries = plain_symmetries(parts) if plain else Symmetries()
+    offset = 0.3 * size * rng.uniform(-1, 1, 3)
+    return assembled(family.__name__.strip("_"), parts, texture, size, turn, offset, symmetries)
 
 
-def _assembled(
-    name: str, parts: list[Part], texture: Picture, size: float, turn: Floats, offset: Floats
-) -> Mesh:
+def assembled(
+    name: str, parts: list[Part], texture: Picture, size: float, turn: Floats, offset: Floats,
+    symmetries: Symmetries,
+) -> Mesh:  # fmt: skip
+    """Parts about the origin as one object of a largest extent `size`, turned, then shifted."""
     whole = make.join(parts)
     points = whole.vertices @ turn.T
-    points = points * (size / float(np.ptp(points, axis=0).max())) + 0.3 * size * offset
-    return Mesh.from_arrays(name, points, whole.faces, uv=whole.uv, texture=texture)
+    points = points * (size / float(np.ptp(points, axis=0).max())) + offset
+    return Mesh.from_arrays(
+        name, points, whole.faces, uv=whole.uv, texture=texture,
+        symmetries=placed(symmetries, turn, offset),
+    )  # fmt: skip
 
 
 def _skinned(
     rng: np.random.Generator, parts: list[Part], photos: Sequence[Picture] | None
-) -> tuple[Picture, list[Part]]:
-    """A texture with one tile for each skin, and the parts with their coordinates in it."""
+) -> tuple[Picture, list[Part], bool]:
+    """A texture with a tile for each skin, parts with coordinates in it, and if all is plain."""
     palette = random_palette(rng)
     skins = sorted({part.skin for part in parts})
     columns = int(np.ceil(np.sqrt(len(skins))))
@@ -63,7 +73,7 @@ def _skinned(
         row, column = divmod(number, columns)
         texture[row * side : (row + 1) * side, column * side : (column + 1) * side] = tile
     tiles = [(skins.index(part.skin), columns, side, TEXTURE) for part in parts]
-    return texture, [in_tile(part, *tile) for part, tile in zip(parts, tiles, strict=True)]
+    return texture, [in_tile(part, *tile) for part, tile in zip(parts, tiles, strict=True)], plain
 
 
 def in_tile(part: Part, number: int, columns: int, side: int, texture: int) -> Part:

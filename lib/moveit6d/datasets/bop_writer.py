@@ -1,0 +1,119 @@
+"""Writes a whole small data set in BOP's layout: models, images, truth, targets.
+
+Never renders: pictures, poses and visible fractions are given.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry.camera import Camera
+from ..geometry.mesh import Mesh
+from .bop import TARGETS, Instance
+from .files import replacing, write_json
+from .surfaces import write_ply
+from .video import Image
+
+LEAST_VISIBLE = 0.1  # instances that are seen less are no targets (enumerate_test_targets.py)
+DEPTH_SCALE = 0.1  # a step of a depth image in millimetres
+
+
+@dataclass(frozen=True)
+class BopImage:
+    """One image of a scene: RGB (H, W, 3), its camera and true poses, depth (H, W) in metres."""
+
+    scene: int
+    number: int
+    image: Image
+    camera: Camera
+    truth: Sequence[Instance]
+    depth: NDArray[np.float32] | None = None
+
+
+def write_bop(
+    root: Path, split: str, objects: Mapping[int, Mesh], images: Iterable[BopImage]
+) -> Path:
+    """Write models (PLY, models_info.json), a split and test_targets_bop19.json; returns `root`.
+
+    Scenes are written one after the other as they come; `scene_gt_info.json` holds `visib_fract`
+    only, as boxes and pixel counts belong to masks.
+    """
+    write_models(root / "models", objects)
+    counts: dict[tuple[int, int, int], int] = {}
+    scenes: dict[int, dict[str, dict[str, Any]]] = {}
+    for one in images:
+        kept = scenes.setdefault(one.scene, {"camera": {}, "gt": {}, "gt_info": {}})
+        _add(root / split / f"{one.scene:06d}", one, kept)
+        for instance in one.truth:
+            if instance.visible_fraction >= LEAST_VISIBLE:
+                key = (one.scene, one.number, instance.object)
+                counts[key] = counts.get(key, 0) + 1
+    for scene, kept in scenes.items():
+        for name, content in kept.items():
+            write_json(root / split / f"{scene:06d}" / f"scene_{name}.json", content)
+    targets = [
+        {"im_id": image, "inst_count": count, "obj_id": number, "scene_id": scene}
+        for (scene, image, number), count in sorted(counts.items())
+    ]
+    with replacing(root / TARGETS) as temporary:
+        temporary.write_text(json.dumps(targets) + "\n", encoding="utf-8")
+    return root
+
+
+def write_models(folder: Path, objects: Mapping[int, Mesh]) -> None:
+    """PLY files in millimetres and models_info.json with diameters, boxes and symmetries."""
+    infos = {}
+    for number, mesh in objects.items():
+        write_ply(folder / f"obj_{number:06d}.ply", mesh, "mm")
+        points = 1000 * (mesh.vertices.astype(np.float64) + mesh.center)
+        low, size = points.min(0).tolist(), np.ptp(points, axis=0).tolist()
+        info: dict[str, Any] = {"diameter": 1000 * mesh.diameter}
+        info |= {f"min_{axis}": low[k] for k, axis in enumerate("xyz")}
+        info |= {f"size_{axis}": size[k] for k, axis in enumerate("xyz")}
+        infos[str(number)] = info | _symmetries(mesh)
+    write_json(folder / "models_info.json", infos)
+
+
+def _add(folder: Path, one: BopImage, kept: dict[str, dict[str, Any]]) -> None:
+    """Write an image and its depth, and keep what the scene's files will say of it."""
+    from PIL import Image as Pillow
+
+    key, name = str(one.number), f"{one.number:06d}.png"
+    (folder / "rgb").mkdir(parents=True, exist_ok=True)
+    Pillow.fromarray(one.image).save(folder / "rgb" / name, compress_level=3)
+    kept["camera"][key] = {"cam_K": one.camera.matrix().reshape(9).tolist()}
+    if one.depth is not None:
+        (folder / "depth").mkdir(exist_ok=True)
+        steps = np.rint(one.depth * (1000 / DEPTH_SCALE)).astype(np.uint16)
+        Pillow.fromarray(steps).save(folder / "depth" / name)
+        kept["camera"][key]["depth_scale"] = DEPTH_SCALE
+    kept["gt"][key] = [
+        {
+            "cam_R_m2c": instance.pose.rotation.reshape(9).tolist(),
+            "cam_t_m2c": (1000 * instance.pose.translation).tolist(),
+            "obj_id": instance.object,
+        }
+        for instance in one.truth
+    ]
+    kept["gt_info"][key] = [{"visib_fract": instance.visible_fraction} for instance in one.truth]
+
+
+def _symmetries(mesh: Mesh) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    if len(mesh.symmetries.discrete):
+        matrices = mesh.symmetries.discrete.copy()
+        matrices[:, :3, 3] *= 1000
+        found["symmetries_discrete"] = matrices.reshape(-1, 16).tolist()
+    if mesh.symmetries.continuous:
+        found["symmetries_continuous"] = [
+            {"axis": one.axis.tolist(), "offset": (1000 * one.offset).tolist()}
+            for one in mesh.symmetries.continuous
+        ]
+    return found

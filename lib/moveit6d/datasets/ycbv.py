@@ -1,0 +1,250 @@
+"""YCB-Video as published (yuxng/YCB_Video_toolbox, yuxng/PoseCNN), not BOP's re-made YCB-V.
+
+Never scores. Layout: `data/0048/000001-color.png` with `000001-meta.mat`, `models/NAME/` with
+`textured_simple.obj` and `points.xyz` (the evaluation points), `keyframe.txt`. All metres, OpenCV.
+
+What official readers trip over: `cls_indexes` is uint8 (cast before arithmetic) and (N, 1) or (N,);
+with one object MATLAB drops the last axis of `poses`; `vertmap` makes up nearly all of a file, so
+only named variables are read; scenes from 60 on come from another camera. Images count from 1 in
+names, from 0 in `Sequence`. The lens is not quite a pinhole, which everybody ignores.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from collections.abc import Sequence as List
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..geometry.camera import Camera
+from ..geometry.mesh import Mesh
+from ..geometry.pose import Pose
+from .files import replacing, replacing_folder
+from .sequences import Sequence
+from .surfaces import write_obj
+from .video import Image
+
+OBJECTS = (
+    "002_master_chef_can", "003_cracker_box", "004_sugar_box", "005_tomato_soup_can",
+    "006_mustard_bottle", "007_tuna_fish_can", "008_pudding_box", "009_gelatin_box",
+    "010_potted_meat_can", "011_banana", "019_pitcher_base", "021_bleach_cleanser", "024_bowl",
+    "025_mug", "035_power_drill", "036_wood_block", "037_scissors", "040_large_marker",
+    "051_large_clamp", "052_extra_large_clamp", "061_foam_brick",
+)  # fmt: skip
+# The five of the literature (DenseFusion, in italics in the paper). BOP's list is another one.
+SYMMETRIC = (
+    "024_bowl", "036_wood_block", "051_large_clamp", "052_extra_large_clamp", "061_foam_brick",
+)  # fmt: skip
+CAMERAS = (
+    Camera(1066.778, 1067.487, 312.9869, 241.3109, 640, 480),
+    Camera(1077.836, 1078.189, 323.7872, 279.6921, 640, 480),  # scenes from 60 on
+)
+MESHES = ("textured_simple.obj", "textured.obj")
+META = ("cls_indexes", "poses", "intrinsic_matrix")
+POINTS = 2620  # evaluation points an object, as the published ones have
+
+
+def read_ycbv(path: Path, scenes: Iterable[int] | None = None) -> list[Sequence]:
+    """One sequence an object and scene, named `0048.035_power_drill`, grouped by object.
+
+    `scenes` are those of keyframe.txt (the test set) where it is there, else all. `truth` holds
+    every frame of the video in which the object occurs, `keyframes` those that are scored.
+    """
+    if not is_ycbv(path):
+        raise InputError(_not_here(path))
+    keyframes = read_keyframes(path)
+    there = [int(p.name) for p in (path / "data").iterdir() if p.is_dir() and p.name.isdecimal()]
+    wanted = set(scenes if scenes is not None else keyframes or there)
+    names = object_names(path)
+    found = [
+        sequence
+        for scene in sorted(wanted & set(there))
+        for sequence in _read_scene(path, scene, names, keyframes.get(scene))
+    ]
+    if not found:
+        raise InputError(
+            f"{path}/data holds none of the scenes {', '.join(map(str, sorted(wanted)))}; "
+            f"scenes there: {', '.join(map(str, sorted(there))) or 'none'}."
+        )
+    return found
+
+
+def is_ycbv(path: Path) -> bool:
+    """Whether YCB-Video's own layout lies at `path`."""
+    return next((path / "data").glob("*/*-meta.mat"), None) is not None
+
+
+def read_keyframes(path: Path) -> dict[int, list[int]]:
+    """Numbers of the scored images (as in file names) by scene; empty without a keyframe.txt."""
+    places = [path / "keyframe.txt", path / "image_sets" / "keyframe.txt"]
+    file = next((place for place in places if place.is_file()), None)
+    found: dict[int, list[int]] = {}
+    for line in file.read_text(encoding="utf-8").split() if file is not None else ():
+        scene, _, image = line.partition("/")
+        if not (scene.isdecimal() and image.isdecimal()):
+            raise InputError(f"{file}: {line!r} is no line like 0048/000001.")
+        found.setdefault(int(scene), []).append(int(image))
+    return found
+
+
+def object_names(path: Path) -> tuple[str, ...]:
+    """Names of the classes 1, 2, …: image_sets/classes.txt, or the 21 published ones."""
+    file = path / "image_sets" / "classes.txt"
+    return tuple(file.read_text(encoding="utf-8").split()) if file.is_file() else OBJECTS
+
+
+def read_meta(path: Path) -> dict[int, NDArray[np.float64]]:
+    """The poses (3, 4) of one -meta.mat by class, metres."""
+    content = _load(path, META[:2])
+    classes = np.asarray(content["cls_indexes"]).reshape(-1).astype(np.int64)
+    poses = np.asarray(content["poses"], np.float64)
+    poses = poses[..., None] if poses.ndim == 2 else poses
+    if poses.shape != (3, 4, len(classes)):
+        raise InputError(
+            f"{path}: poses must be 3 × 4 × {len(classes)}, as many as cls_indexes, found "
+            f"{poses.shape}."
+        )
+    return {int(number): poses[..., k] for k, number in enumerate(classes)}
+
+
+def write_ycbv_scene(
+    path: Path,
+    scene: int,
+    objects: Mapping[int, Mesh],
+    camera: Camera,
+    frames: Iterable[tuple[Image, Mapping[int, Pose]]],
+    names: List[str] = OBJECTS,
+    every: int = 1,
+) -> Path:
+    """Write `data/SCENE`, the models that are missing, classes.txt and lines of keyframe.txt.
+
+    `objects` and the poses of a frame go by class, 1 for `names[0]`; every `every`-th frame is a
+    keyframe. Frames are written as they come; the folder appears when all is there.
+    """
+    from PIL import Image as Pillow
+    from scipy.io import savemat
+
+    for number, mesh in objects.items():
+        _write_model(path / "models" / names[number - 1], mesh)
+    place, count = path / "data" / f"{scene:04d}", 0
+    with replacing_folder(place) as folder:
+        for image, poses in frames:
+            count += 1
+            stem = folder / f"{count:06d}"
+            Pillow.fromarray(image).save(f"{stem}-color.png", compress_level=3)
+            listed = [pose.matrix()[:3].numpy() for pose in poses.values()]
+            meta = {
+                "cls_indexes": np.array(list(poses), np.uint8)[:, None],
+                "poses": np.stack(listed, -1) if listed else np.empty((3, 4, 0)),
+                "intrinsic_matrix": camera.matrix().numpy(),
+                "factor_depth": np.array([[10000.0]]),
+            }
+            savemat(f"{stem}-meta.mat", meta, do_compression=True)
+    (path / "image_sets").mkdir(exist_ok=True)
+    with replacing(path / "image_sets" / "classes.txt") as temporary:
+        temporary.write_text("\n".join(names) + "\n", encoding="utf-8")
+    keyframes = read_keyframes(path)
+    keyframes[scene] = list(range(1, count + 1, every))
+    lines = [f"{s:04d}/{image:06d}\n" for s in sorted(keyframes) for image in keyframes[s]]
+    with replacing(path / "keyframe.txt") as temporary:
+        temporary.write_text("".join(lines), encoding="utf-8")
+    return place
+
+
+def _read_scene(
+    path: Path, scene: int, names: tuple[str, ...], keyframes: list[int] | None
+) -> list[Sequence]:
+    folder = path / "data" / f"{scene:04d}"
+    images = sorted(p for s in ("png", "jpg") for p in folder.glob(f"*-color.{s}"))
+    if not images:
+        raise InputError(f"{folder} holds no image; looked for 000001-color.png.")
+    found: dict[int, dict[int, NDArray[np.float64]]] = {}
+    place = {int(image.name[:6]): index for index, image in enumerate(images)}
+    for index, image in enumerate(images):
+        meta = image.with_name(f"{image.name[:6]}-meta.mat")
+        for number, matrix in (read_meta(meta) if meta.is_file() else {}).items():
+            found.setdefault(number, {})[index] = matrix
+    camera = _camera(images[0], scene)
+    scored = None if keyframes is None else [place[k] for k in keyframes if k in place]
+    sequences = []
+    for number, matrices in sorted(found.items()):
+        if not 1 <= number <= len(names):
+            raise InputError(f"{folder}: class {number} has no name; {len(names)} are known.")
+        name = names[number - 1]
+        stacked = np.stack(list(matrices.values()))
+        poses = Pose.checked(stacked[..., :3], stacked[..., 3], where=f"{folder}, {name}")
+        truth = {frame: poses[k] for k, frame in enumerate(matrices)}
+        first = next(iter(truth))
+        points = path / "models" / name / "points.xyz"
+        sequences.append(
+            Sequence(
+                name=f"{scene:04d}.{name}",
+                folder=folder,
+                mesh=_mesh(path, name),
+                frames=folder,
+                camera=camera,
+                start=truth[first],
+                first=first,
+                truth=truth,
+                images=tuple(images),
+                points=points if points.is_file() else None,
+                group=name,
+                object=name,
+                symmetric=name in SYMMETRIC,
+                keyframes=None if scored is None else frozenset(scored) & truth.keys(),
+            )
+        )
+    return sequences
+
+
+def _camera(image: Path, scene: int) -> Camera:
+    """Of the first image: as its meta.mat says, else by the number of the scene."""
+    from PIL import Image as Pillow
+
+    with Pillow.open(image) as opened:
+        width, height = opened.size
+    meta = image.with_name(f"{image.name[:6]}-meta.mat")
+    k = np.asarray(_load(meta, META[2:]).get(META[2], ()), np.float64) if meta.is_file() else None
+    if k is None or k.shape != (3, 3):
+        return CAMERAS[scene >= 60].resize(width, height)
+    return Camera(k[0, 0], k[1, 1], k[0, 2], k[1, 2], width, height)
+
+
+def _load(path: Path, variables: tuple[str, ...]) -> dict[str, Any]:
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        content: dict[str, Any] = loadmat(path, variable_names=variables)
+    except (MatReadError, OSError, ValueError, TypeError, NotImplementedError) as error:
+        raise InputError(f"{path} is not a readable MAT file: {error}.") from error
+    missing = [name for name in variables if name not in content and name != META[2]]
+    if missing:
+        raise InputError(f"{path} has no variable {' and '.join(missing)}.")
+    return content
+
+
+def _mesh(path: Path, name: str) -> Path:
+    for file in MESHES:
+        if (path / "models" / name / file).is_file():
+            return path / "models" / name / file
+    raise InputError(f"{path}/models/{name} holds no mesh; looked for {', '.join(MESHES)}.")
+
+
+def _write_model(folder: Path, mesh: Mesh) -> None:
+    if (folder / MESHES[0]).exists():
+        return
+    write_obj(folder / MESHES[0], mesh)
+    with replacing(folder / "points.xyz") as temporary:
+        np.savetxt(temporary, mesh.sample_points(POINTS), fmt="%.6f")
+
+
+def _not_here(path: Path) -> str:
+    wanted = f"{path} holds no YCB-Video data: looked for data/0048/000001-meta.mat"
+    if any(path.glob("*/*/scene_gt.json")):
+        return f"{wanted}. This is BOP's YCB-V, with other models and frames: open it as kind bop."
+    return f"{wanted}."

@@ -1,0 +1,140 @@
+"""YCB-Video as published: MAT files with their quirks, keyframes, cameras, several objects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from moveit6d.datasets import ycbv
+from moveit6d.datasets.ycbv import read_keyframes, read_meta, read_ycbv, write_ycbv_scene
+from moveit6d.errors import InputError
+from moveit6d.geometry.mesh import Mesh
+
+DRILL, BOWL = 15, 13  # classes, from 1
+
+
+@pytest.fixture
+def root(tmp_path: Path, scene: Any, brick: Mesh) -> Path:
+    """Scene 48 with two objects, one of which comes late, and scene 2, which has no keyframe."""
+
+    def frames() -> Any:
+        for k in range(5):
+            poses = {DRILL: scene.pose(k), BOWL: scene.pose(k + 9)} if k else {DRILL: scene.pose(0)}
+            yield scene.image(k), poses
+
+    for number in (2, 48):
+        objects = {DRILL: brick, BOWL: brick}
+        write_ycbv_scene(tmp_path, number, objects, scene.camera, frames(), every=2)
+    (tmp_path / "keyframe.txt").write_text("0048/000001\n0048/000003\n0048/000005\n")
+    return tmp_path
+
+
+def test_what_is_written_is_read(root: Path, scene: Any, brick: Mesh) -> None:
+    bowl, drill = read_ycbv(root)
+    assert (bowl.name, drill.name) == ("0048.024_bowl", "0048.035_power_drill")
+    assert (drill.level, drill.object) == ("035_power_drill", "035_power_drill")
+    assert bowl.symmetric and not drill.symmetric
+    assert drill.camera == scene.camera
+    assert (drill.first, bowl.first) == (0, 1) and list(bowl.truth) == [1, 2, 3, 4]
+    assert drill.keyframes == {0, 2, 4} and bowl.keyframes == {2, 4}
+    for frame, pose in bowl.truth.items():
+        assert (pose.matrix() - scene.pose(frame + 9).matrix()).abs().max() < 1e-12
+    np.testing.assert_array_equal([f.image for f in drill.open()][4], scene.image(4))
+    assert drill.load_mesh().diameter == pytest.approx(brick.diameter, rel=1e-5)
+    assert drill.points is not None
+    points = np.loadtxt(drill.points)
+    low, high = points.min(0), points.max(0)
+    assert len(points) == 2620
+    np.testing.assert_allclose((low + high) / 2, [0.03, -0.01, 0.02], atol=1e-3)
+
+
+def test_scenes_can_be_named(root: Path) -> None:
+    assert [one.name[:4] for one in read_ycbv(root, [2])] == ["0002", "0002"]
+    assert read_ycbv(root, [2])[0].keyframes is None
+    with pytest.raises(InputError, match="none of the scenes 7; scenes there: 2, 48"):
+        read_ycbv(root, [7])
+
+
+def test_official_quirks_of_meta_files(tmp_path: Path) -> None:
+    pose = np.arange(12.0).reshape(3, 4)
+    # One object: MATLAB drops the last axis of the poses; classes may be flat, of uint8.
+    savemat(tmp_path / "one.mat", {"cls_indexes": np.array([21], np.uint8), "poses": pose})
+    assert list(read_meta(tmp_path / "one.mat")) == [21]
+    np.testing.assert_array_equal(read_meta(tmp_path / "one.mat")[21], pose)
+    two = {"cls_indexes": np.array([[3], [5]], np.uint8), "poses": np.stack([pose, pose + 1], -1)}
+    savemat(tmp_path / "two.mat", two)
+    np.testing.assert_array_equal(read_meta(tmp_path / "two.mat")[5], pose + 1)
+    savemat(tmp_path / "bad.mat", {**two, "cls_indexes": np.array([[3]])})
+    with pytest.raises(InputError, match="poses must be 3 × 4 × 1"):
+        read_meta(tmp_path / "bad.mat")
+    savemat(tmp_path / "less.mat", {"poses": pose})
+    with pytest.raises(InputError, match="has no variable cls_indexes"):
+        read_meta(tmp_path / "less.mat")
+    (tmp_path / "no.mat").write_bytes(b"nothing")
+    with pytest.raises(InputError, match="is not a readable MAT file"):
+        read_meta(tmp_path / "no.mat")
+
+
+def test_vertmap_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import scipy.io
+
+    asked = []
+
+    def watch(path: Path, variable_names: Any = None) -> dict[str, Any]:
+        asked.append(variable_names)
+        return {"cls_indexes": np.array([1]), "poses": np.zeros((3, 4))}
+
+    monkeypatch.setattr(scipy.io, "loadmat", watch)
+    read_meta(tmp_path / "any.mat")
+    assert asked == [("cls_indexes", "poses")]
+
+
+@pytest.mark.parametrize(("scene_number", "fx"), [(59, 1066.778), (60, 1077.836)])
+def test_without_a_matrix_the_scene_tells_the_camera(
+    tmp_path: Path, scene: Any, brick: Mesh, scene_number: int, fx: float
+) -> None:
+    frames = [(np.zeros((480, 640, 3), np.uint8), {DRILL: scene.pose(0)})]
+    place = write_ycbv_scene(tmp_path, scene_number, {DRILL: brick}, scene.camera, frames)
+    content = {"cls_indexes": np.array([DRILL]), "poses": scene.pose(0).matrix()[:3].numpy()}
+    savemat(place / "000001-meta.mat", content)
+    (one,) = read_ycbv(tmp_path)
+    assert one.camera.fx == fx and one.camera.width == 640
+
+
+def test_own_names_are_read(tmp_path: Path, scene: Any, brick: Mesh) -> None:
+    frames = [(scene.image(0), {2: scene.pose(0)})]
+    write_ycbv_scene(tmp_path, 0, {2: brick}, scene.camera, frames, names=("boot", "mug"))
+    (one,) = read_ycbv(tmp_path)
+    assert one.object == "mug" and one.mesh == tmp_path / "models/mug/textured_simple.obj"
+
+
+def test_the_other_layout_is_named(tmp_path: Path) -> None:
+    (tmp_path / "test" / "000048").mkdir(parents=True)
+    (tmp_path / "test" / "000048" / "scene_gt.json").write_text("{}")
+    with pytest.raises(InputError, match=r"This is BOP's YCB-V, .* open it as kind bop"):
+        read_ycbv(tmp_path)
+    with pytest.raises(InputError, match=r"looked for data/0048/000001-meta\.mat\.$"):
+        read_ycbv(tmp_path / "test")
+
+
+def test_a_bad_keyframe_line_is_said(tmp_path: Path) -> None:
+    (tmp_path / "keyframe.txt").write_text("0048-000001\n")
+    with pytest.raises(InputError, match=r"keyframe\.txt: '0048-000001' is no line"):
+        read_keyframes(tmp_path)
+
+
+def test_the_published_list_of_objects() -> None:
+    assert len(ycbv.OBJECTS) == 21 and set(ycbv.SYMMETRIC) < set(ycbv.OBJECTS)
+    # DenseFusion's symmetry_obj_idx, counted from 0.
+    assert [ycbv.OBJECTS.index(name) for name in ycbv.SYMMETRIC] == [12, 15, 18, 19, 20]
+
+
+def test_a_pose_that_is_none_is_refused(root: Path) -> None:
+    path = root / "data" / "0048" / "000002-meta.mat"
+    savemat(path, {"cls_indexes": np.array([DRILL]), "poses": np.ones((3, 4))})
+    with pytest.raises(InputError, match="0048, 035_power_drill: the 3×3 matrix is not a rotation"):
+        read_ycbv(root)

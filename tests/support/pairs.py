@@ -1,0 +1,48 @@
+"""Small sources of training pairs; used by the tests only."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import torch
+from jsonargparse import ArgumentParser
+
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.synthesis.augment import Dice
+from moveit6d.synthesis.backgrounds import procedural_photo
+from moveit6d.synthesis.pairs import PairConfig
+from moveit6d.synthesis.shapes import random_object
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+@cache
+def photos() -> tuple[np.ndarray, ...]:
+    """Four generated pictures."""
+    random = np.random.default_rng(0)
+    return tuple(procedural_photo(random, (160, 200)) for _ in range(4))
+
+
+@cache
+def objects() -> tuple[Mesh, ...]:
+    """Three made objects."""
+    random = np.random.default_rng(0)
+    return tuple(random_object(random, photos()) for _ in range(3))
+
+
+def dice(seed: int = 0) -> Dice:
+    """Dice of their own."""
+    return Dice(torch.Generator().manual_seed(seed))
+
+
+@cache
+def preset(name: str) -> PairConfig:
+    """What a file of configs/pairs says."""
+    parser = ArgumentParser()
+    parser.add_argument("--pairs", type=PairConfig)
+    path = CONFIGS / "pairs" / f"{name}.yaml"
+    config = parser.instantiate_classes(parser.parse_args([f"--pairs={path}"])).pairs
+    assert isinstance(config, PairConfig)
+    return config
