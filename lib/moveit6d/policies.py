@@ -39,7 +39,8 @@ class Situation:
     """Where the loop stands: for policies that know more than what is seen.
 
     `pose` (B) is centred, object → camera; `sphere_diameter` (B,) in metres; `target` (B,) says
-    which of the loop's targets each row is.
+    which of the loop's targets each row is, or which group of them where several are starts for
+    one object.
     """
 
     pose: Pose

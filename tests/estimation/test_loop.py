@@ -153,3 +153,28 @@ def test_starts_out_of_sight_are_refused(brick: Mesh, place: list[float], messag
     target = Target(IMAGE, CAMERA, brick, pose)
     with pytest.raises(InputError, match=message):
         refine_batch([target], policy=Scripted([], []), renderer=make_renderer())
+
+
+class _Knowing(OraclePolicy):
+    """Believes a move the more the shorter it is."""
+
+    def decide(self, seen: Observation, situation: Situation) -> Decision:
+        decision = super().decide(seen, situation)
+        assert decision.counts is not None
+        belief = torch.exp(-decision.counts.abs().amax(-1))
+        return Decision(decision.logits, decision.counts, belief)
+
+
+def test_of_several_starts_the_most_believed_goes_on(brick: Mesh) -> None:
+    far, truth = some_targets(brick, 2, cluster="all_large")
+    near, _ = some_targets(brick, 2, cluster="all_small")
+    targets = [far[0], near[0], near[1], far[1]]
+    policy = _Knowing(truth)
+    renderer = make_renderer("embree")
+    results = refine_batch(
+        targets, policy=policy, renderer=renderer, max_steps=200, groups=[0, 0, 1, 1]
+    )
+    alone = refine_batch(near, policy=policy, renderer=renderer, max_steps=200)
+    assert [result.steps for result in results] == [result.steps for result in alone]
+    for i, result in enumerate(results):
+        assert counts_left(brick, result.pose, truth[i]) < 0.5

@@ -86,3 +86,21 @@ def test_lens_distortion_is_undone_first(brick: Mesh) -> None:
 def test_each_object_needs_its_start(brick: Mesh) -> None:
     with pytest.raises(InputError, match="2 meshes but 1 start"):
         PoseTracker([brick, brick], CAMERA, [at(0.0)], policy=OraclePolicy(Pose.stack([at(0.0)])))
+
+
+def test_a_reset_starts_the_next_frame_from_the_given_pose(brick: Mesh) -> None:
+    policy = OraclePolicy(Pose.stack([brick.inner(at(0.01))]))
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy)
+    far = tracker.update(GRAY)[0].steps
+    tracker.reset(at(0.01))
+    assert tracker.update(GRAY)[0].steps == 1
+    tracker.reset([at(0.0)])
+    assert tracker.update(GRAY)[0].steps == far > 3
+
+
+def test_a_reset_to_a_pose_out_of_sight_changes_nothing(brick: Mesh) -> None:
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=OraclePolicy(Pose.stack([at(0.0)])))
+    for poses, message in ((at(5.0), "outside"), ([at(0.0), at(0.0)], "1 meshes but 2 start")):
+        with pytest.raises(InputError, match=message):
+            tracker.reset(poses)
+        torch.testing.assert_close(tracker.poses[0].matrix(), at(0.0).matrix())

@@ -1,39 +1,11 @@
-"""The correlation network: fast paths against plain loops, shapes, gradients of the first steps."""
+"""The correlation network: shapes, batches, gradients of the first steps."""
 
 import torch
 
-from moveit6d.networks.correlation import (
-    CorrelationConfig,
-    CorrelationNet,
-    _correlate,
-    _correlate_blocks,
-    _window_index,
-)
+from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
+from moveit6d.networks.matching import correlate
 from moveit6d.observation import Observation
 from tests.support.observations import an_observation
-
-
-def plain_correlation(render: torch.Tensor, image: torch.Tensor, radius: int) -> torch.Tensor:
-    batch, _, n, _ = render.shape
-    side = 2 * radius + 1
-    result = torch.zeros(batch, side * side, n, n)
-    for y in range(n):
-        for x in range(n):
-            for k in range(side * side):
-                v, u = y + k // side - radius, x + k % side - radius
-                if 0 <= v < n and 0 <= u < n:
-                    result[:, k, y, x] = (render[:, :, y, x] * image[:, :, v, u]).sum(1)
-    return result
-
-
-def test_fast_correlations_agree_with_a_plain_loop() -> None:
-    generator = torch.Generator().manual_seed(0)
-    render, image = torch.randn(2, 2, 5, 16, 16, generator=generator)
-    expected = plain_correlation(render, image, 3)
-    fast = _correlate(render, image, _window_index(16, 3), 3)
-    blocks = _correlate_blocks(render, image, _window_index(8, 3), 3)
-    torch.testing.assert_close(fast, expected, atol=1e-5, rtol=0)
-    torch.testing.assert_close(blocks, expected, atol=1e-5, rtol=0)
 
 
 def test_offsets_follow_the_order_of_the_windows() -> None:
@@ -42,7 +14,7 @@ def test_offsets_follow_the_order_of_the_windows() -> None:
     generator = torch.Generator().manual_seed(0)
     render = torch.nn.functional.normalize(torch.randn(1, 64, 16, 16, generator=generator), dim=1)
     moved = torch.roll(render, 1, dims=3)
-    best = _correlate(render, moved, network.coarse_index, 4).argmax(1)[0, 4:12, 4:11]
+    best = correlate(render, moved, network.coarse_index, 4).argmax(1)[0, 4:12, 4:11]
     assert (network.offsets[best] == torch.tensor([1.0, 0.0])).all()
 
 
@@ -54,12 +26,9 @@ def test_answers_have_the_stated_shapes_and_are_finite() -> None:
     assert decision.logits.shape == (2, 13) and decision.confidence.shape == (2,)
     assert decision.counts is not None and decision.counts.shape == (2, 6)
     assert decision.attention is not None and decision.attention.shape == (2, 1, 16, 16)
-    assert output.matching.shape == (2, 256, 81) and output.fine.displacement.shape == (
-        2,
-        2,
-        32,
-        32,
-    )
+    assert output.matching.shape == (2, 256, 81)
+    assert output.fine.displacement.shape == (2, 2, 32, 32)
+    assert output.finest.displacement.shape == (2, 2, 64, 64)
     assert all(torch.isfinite(v).all() for v in (decision.logits, decision.counts, output.matching))
 
 

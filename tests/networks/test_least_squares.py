@@ -1,5 +1,7 @@
 """The closed-form Jacobian and the solve against moves made by `PoseAction` itself."""
 
+import math
+
 import torch
 
 from moveit6d.actions import PoseAction
@@ -11,6 +13,7 @@ from moveit6d.networks.least_squares import (
     cell_pixels,
     jacobian,
     move_points,
+    precision,
     project_points,
     solve_counts,
     surface_points,
@@ -74,7 +77,8 @@ def test_solve_recovers_small_moves_and_ignores_cells_without_weight() -> None:
     shift[:, ::3] += 30  # nonsense where nothing is weighed
     weight[:, ::3] = 0
     damping = torch.full((6,), 1e-9, dtype=torch.float64)
-    found = solve_counts(shift, weight, jacobian(points, DISTANCE), damping)
+    even = torch.zeros_like(shift)
+    found = solve_counts(shift, weight, even, jacobian(points, DISTANCE), damping)
     assert (found - counts).abs().max() < 0.02
 
 
@@ -83,7 +87,42 @@ def test_without_any_weight_nothing_moves() -> None:
     zero = torch.zeros(3, points.shape[1], dtype=torch.float64)
     damping = torch.full((6,), 1e-3, dtype=torch.float64)
     shift = torch.ones(3, points.shape[1], 2, dtype=torch.float64)
-    assert solve_counts(shift, zero, jacobian(points, DISTANCE), damping).abs().max() == 0
+    slopes = jacobian(points, DISTANCE)
+    found = solve_counts(shift, zero, torch.zeros_like(shift), slopes, damping)
+    assert found.abs().max() == 0
+
+
+def test_precision_is_the_exponential_of_a_traceless_matrix() -> None:
+    shape = torch.tensor([[0.3, -0.2], [0.0, 0.0], [0.0, 0.5], [40.0, 30.0]], dtype=torch.float64)
+    found = precision(shape)
+    rows = torch.stack([shape, shape.flip(-1) * torch.tensor([1.0, -1.0])], -2)  # [[a, b], [b, −a]]
+    length = shape.norm(dim=-1).clamp_min(1e-9)[:, None, None]
+    expected = torch.matrix_exp(rows * (2.5 * torch.tanh(length / 2.5) / length))
+    torch.testing.assert_close(found, expected, atol=1e-4, rtol=1e-4)
+    one = torch.ones(4, dtype=torch.float64)
+    torch.testing.assert_close(torch.linalg.det(found), one, atol=1e-4, rtol=0)
+
+
+def test_noise_along_edges_does_no_harm_where_the_precision_knows_of_it() -> None:
+    points = some_points()
+    counts = torch.tensor([[0.5, -0.3, 0.4, 0.4, -0.2, 0.3]] * 3, dtype=torch.float64)
+    shift = project_points(move_points(points, DISTANCE, counts), DISTANCE)
+    shift = shift - project_points(points, DISTANCE)
+    generator = torch.Generator().manual_seed(0)
+    angle = torch.rand(shift.shape[:2], generator=generator, dtype=torch.float64) * math.pi
+    along = torch.stack([angle.cos(), angle.sin()], -1)
+    noise = torch.randn(shift.shape[:2], generator=generator, dtype=torch.float64)
+    shift = shift + along * noise[..., None] * 3
+    # Bad along the edge: log precision −q along it and +q across.
+    shape = -2.4 * torch.stack([(2 * angle).cos(), (2 * angle).sin()], -1)
+    weight = torch.ones_like(noise)
+    damping = torch.full((6,), 1e-9, dtype=torch.float64)
+    slopes = jacobian(points, DISTANCE)
+    errors = [
+        (solve_counts(shift, weight, chosen, slopes, damping) - counts).abs().max()
+        for chosen in (shape, torch.zeros_like(shape))
+    ]
+    assert errors[0] < 0.3 * errors[1]
 
 
 def test_object_size_is_the_paper_s_margin() -> None:

@@ -76,11 +76,16 @@ def refine_batch(
     policy: Policy,
     renderer: Renderer,
     max_steps: int | None = None,
+    step: float = 1.0,
+    groups: Sequence[int] | None = None,
 ) -> list[TrackingResult]:
     """Run the loop for all targets at once, one batch a cycle; each ends by its own stop rule.
 
-    `max_steps` is the limit of cycles, `MAX_STEPS` of the policy's mode if None. Raises
-    `InputError` if an image does not fit its camera or a start pose is out of sight.
+    `max_steps` is the limit of cycles, `MAX_STEPS` of the policy's mode if None; `step` is the
+    length of single actions. `groups` numbers targets that are several starts for one object: after
+    the first cycle only the most confident of each group goes on, and the results are one a group,
+    in the order of the targets. Raises `InputError` if an image does not fit its camera or a start
+    pose is out of sight.
     """
     if not targets:
         return []
@@ -90,30 +95,44 @@ def refine_batch(
     pose, trails = scene.pose, [_Trail(camera) for camera in scene.cameras]
     results: list[TrackingResult | None] = [None] * len(targets)
     active = torch.arange(len(targets))
-    for step in range(1, limit + 1):
+    objects = active if groups is None else torch.as_tensor(groups)
+    for cycle in range(1, limit + 1):
         if not len(active):
             break
         diameter, current = scene.diameter[active], pose[active]
         seen = scene.observe(active, current, renderer)
-        decision = policy.decide(seen, Situation(current, diameter, active))
-        action = choose_move(decision, policy.mode)
+        decision = policy.decide(seen, Situation(current, diameter, objects[active]))
+        action = choose_move(decision, policy.mode, step)
         moved = action.apply(current, diameter)
         going = []
         for row, i in enumerate(active.tolist()):
             end = trails[i].add(moved[row], diameter[row], action, decision.confidence, row)
-            if end is None and step == limit:
+            if end is None and cycle == limit:
                 end = StopReason.MAX_STEPS
             if end is None:
                 going.append(row)
                 continue
             milliseconds = (time.perf_counter() - begin) * 1e3
-            results[i] = trails[i].result(scene.meshes[i], end, step, milliseconds)
+            results[i] = trails[i].result(scene.meshes[i], end, cycle, milliseconds)
+        if cycle == 1 and groups is not None:
+            chosen = _best(groups, trails)
+            results = [result if i in chosen else None for i, result in enumerate(results)]
+            going = [row for row in going if int(active[row]) in chosen]
         pose = Pose(
             pose.rotation.index_copy(0, active, moved.rotation),
             pose.translation.index_copy(0, active, moved.translation),
         )
         active = active[going]
     return [result for result in results if result is not None]
+
+
+def _best(groups: Sequence[int], trails: Sequence[_Trail]) -> set[int]:
+    """The target of each group whose first move the policy believes most; failures come last."""
+    members: dict[int, list[int]] = {}
+    for i, group in enumerate(groups):
+        members.setdefault(group, []).append(i)
+    return {max(some, key=lambda i: max(trails[i].confidences, default=-1.0))
+            for some in members.values()}  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,9 @@ from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..policies import Policy, load_policy
 from ..rendering.renderer import Renderer, make_renderer
-from .frame import prepare_frame
-from .loop import StopReason, Target, TrackingResult, check_start, refine_batch
+from .frame import Frame, prepare_frame
+from .hypotheses import Track
+from .loop import StopReason, Target, TrackingResult, check_start, out_of_sight, refine_batch
 
 
 class PoseTracker:
@@ -44,15 +45,31 @@ class PoseTracker:
         max_steps: int | None = None,
     ) -> None:
         self.meshes = [meshes] if isinstance(meshes, Mesh) else list(meshes)
-        poses = [start] if isinstance(start, Pose) else list(start)
-        if len(self.meshes) != len(poses):
-            raise InputError(f"{len(self.meshes)} meshes but {len(poses)} start poses.")
         self.camera, self.max_steps = camera, max_steps
-        for mesh, pose in zip(self.meshes, poses, strict=True):
-            check_start(pose, mesh, camera)
-        self.poses = [pose.to(torch.float64) for pose in poses]
+        self.tracks: list[Track] = []
+        self.reset(start)
         self.policy: Policy = load_policy() if policy is None else policy
         self.renderer = make_renderer() if renderer is None else renderer
+
+    @property
+    def poses(self) -> list[Pose]:
+        """Where each object was found last, mesh file's frame."""
+        return [track.pose for track in self.tracks]
+
+    def reset(self, poses: Pose | Sequence[Pose]) -> None:
+        """Go on from these poses, one an object, mesh file's frame; what was found is forgotten.
+
+        `InputError`, and nothing changed, if a pose is missing or cannot be seen by the camera.
+        """
+        given = [poses] if isinstance(poses, Pose) else list(poses)
+        if len(self.meshes) != len(given):
+            raise InputError(f"{len(self.meshes)} meshes but {len(given)} start poses.")
+        for mesh, pose in zip(self.meshes, given, strict=True):
+            check_start(pose, mesh, self.camera)
+        self.tracks = [
+            Track.begin(mesh, pose.to(torch.float64))
+            for mesh, pose in zip(self.meshes, given, strict=True)
+        ]
 
     def update(self, image: Any) -> tuple[TrackingResult, ...]:
         """Results for the next frame, RGB (H, W, 3), one an object.
@@ -62,22 +79,35 @@ class PoseTracker:
         """
         begin = time.perf_counter()
         try:
-            frame = prepare_frame(image, self.camera)
-            results = refine_batch(
-                [
-                    Target(frame, self.camera, mesh, pose)
-                    for mesh, pose in zip(self.meshes, self.poses, strict=True)
-                ],
-                policy=self.policy,
-                renderer=self.renderer,
-                max_steps=self.max_steps,
-            )
+            results = self._refine(prepare_frame(image, self.camera))
         except InputError as error:
             return (_failed(error, begin),) * len(self.meshes)
-        for i, result in enumerate(results):
-            if result.pose is not None:
-                self.poses[i] = result.pose
+        for track, result in zip(self.tracks, results, strict=True):
+            if result.pose is None:
+                track.miss()
+            else:
+                track.add(result.pose, result.confidence)
         return tuple(results)
+
+    def _refine(self, frame: Frame) -> list[TrackingResult]:
+        """Follow every object from the best of its starts."""
+        targets, groups = [], []
+        for number, track in enumerate(self.tracks):
+            first, *others = track.starts()
+            targets.append(Target(frame, self.camera, track.mesh, first))
+            groups.append(number)
+            for pose in others:
+                centre = track.mesh.inner(pose).translation
+                if out_of_sight(centre, track.mesh.sphere_diameter, frame.camera) is None:
+                    targets.append(Target(frame, self.camera, track.mesh, pose))
+                    groups.append(number)
+        return refine_batch(
+            targets,
+            policy=self.policy,
+            renderer=self.renderer,
+            max_steps=self.max_steps,
+            groups=groups,
+        )
 
 
 def _failed(error: InputError, begin: float) -> TrackingResult:

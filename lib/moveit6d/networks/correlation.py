@@ -1,9 +1,9 @@
 """The correlation network: match observation and rendering, then solve for all six counts at once.
 
 Never renders and never applies a move. METHOD 9b and 9e: one encoder for both pictures, local
-correlation at stride 8, again at stride 4 around the first answer, displacement, visibility and
-weight a cell, a differentiable least squares, and a head with a correction, the 13 action logits
-and the confidence.
+correlation at stride 8, again at strides 4 and 2 around the answers before, displacement,
+visibility and weight a cell, a differentiable least squares, and a head with a correction, the 13
+action logits and the confidence.
 """
 
 from __future__ import annotations
@@ -17,12 +17,15 @@ from torch.nn import functional
 from ..geometry.crop import PATCH_SIZE
 from ..observation import Observation
 from .blocks import Residual, attention_pool, conv_block
+from .cells import CellAnswer, FinestLevel, pool_cells
 from .decision import Decision
 from .least_squares import cell_pixels, jacobian, solve_counts, surface_points
+from .matching import BLOCK, centred, correlate, correlate_blocks, warp_cells, window_index
 
 # Prior of the least squares for t_x, t_y, t_z and the three turns; learnable. Measured to matter:
 # with 1e-3 everywhere its loss stays a fifth higher.
 _DAMPING = (4e-3, 4e-3, 1e-2, 8e-3, 8e-3, 8e-3)
+_GREY = 0.45
 _HEAD_SCALE = 3.0  # counts that an output of 1 of the head stands for
 
 
@@ -37,16 +40,9 @@ class CorrelationConfig:
     fine: int = 32  # stride 4: matching and decoder
     radius: int = 4  # of the correlation at stride 8, cells
     fine_radius: int = 3  # at stride 4, cells
+    finest: int = 16  # stride 2
+    finest_radius: int = 1  # at stride 2, cells
     use_depth: bool = True
-
-
-@dataclass(frozen=True)
-class CellAnswer:
-    """Answers a cell at one stride: displacement (B, 2, n, n) in pixels, logits (B, n, n)."""
-
-    displacement: Tensor
-    weight: Tensor
-    visibility: Tensor
 
 
 @dataclass(frozen=True)
@@ -60,6 +56,7 @@ class CorrelationOutput:
     matching: Tensor
     coarse: CellAnswer
     fine: CellAnswer
+    finest: CellAnswer
     solved: Tensor
     confidence_logit: Tensor
     decision: Decision
@@ -96,7 +93,8 @@ class CorrelationNet(nn.Module):
         self.fine_decode = nn.Sequential(
             conv_block(fine_offsets + fine + 2, fine), conv_block(fine, fine)
         )
-        self.fine_answer = nn.Conv2d(fine, 4, 3, 1, 1)
+        self.fine_answer = nn.Conv2d(fine, 6, 3, 1, 1)
+        self.finest = FinestLevel(c2, g2, fine, config.finest, config.finest_radius)
         self.head = nn.Sequential(
             nn.Linear(config.decoder + fine + 6, 128), nn.ReLU(inplace=True), nn.Linear(128, 20)
         )
@@ -111,8 +109,8 @@ class CorrelationNet(nn.Module):
         dy, dx = torch.meshgrid(line, line, indexing="ij")
         constants = {
             "offsets": torch.stack([dx, dy], -1).reshape(-1, 2),
-            "coarse_index": _window_index(PATCH_SIZE // 8, r),
-            "fine_index": _window_index(_BLOCK, q),
+            "coarse_index": window_index(PATCH_SIZE // 8, r),
+            "fine_index": window_index(BLOCK, q),
             "fine_pixels": cell_pixels(4),
         }
         for name, value in constants.items():
@@ -126,14 +124,18 @@ class CorrelationNet(nn.Module):
         """
         batch = len(seen)
         depth = seen.depth if self.config.use_depth else torch.zeros_like(seen.depth)
-        pictures = torch.cat([seen.image, seen.rendering]) - 0.45
-        shared4 = self.encode4(pictures.contiguous(memory_format=torch.channels_last))
-        shared8 = _centred(self.encode8(shared4))
-        geometry = torch.cat([seen.rendering - 0.45, depth, seen.mask], 1)
-        geometry4 = self.geometry4(geometry.contiguous(memory_format=torch.channels_last))
+        # Grey, not black, around the object: a dark one would have no outline.
+        rendering = (seen.rendering - _GREY) * seen.mask
+        pictures = torch.cat([seen.image - _GREY, rendering])
+        shared2 = self.encode4[0](pictures.contiguous(memory_format=torch.channels_last))
+        shared4 = self.encode4[1:](shared2)
+        shared8 = centred(self.encode8(shared4))
+        geometry = torch.cat([rendering, depth, seen.mask], 1)
+        geometry2 = self.geometry4[0](geometry.contiguous(memory_format=torch.channels_last))
+        geometry4 = self.geometry4[1:](geometry2)
         image8, render8 = shared8[:batch], shared8[batch:]
 
-        correlation = _correlate(
+        correlation = correlate(
             functional.normalize(render8, dim=1),
             functional.normalize(image8, dim=1),
             self.coarse_index,
@@ -142,20 +144,16 @@ class CorrelationNet(nn.Module):
         if matching_only:
             image8, render8 = image8.detach(), render8.detach()
         matching = correlation * self.temperature.exp()
-        used = correlation.detach() if matching_only else correlation
-        share = torch.softmax(used * self.temperature.exp(), 1)
+        volume = correlation.detach() if matching_only else correlation
+        share = torch.softmax(volume * self.temperature.exp(), 1)
         first = torch.einsum("bkyx,kc->bcyx", share, self.offsets)  # cells
         context = self.context(torch.cat([image8, render8, self.geometry8(geometry4)], 1))
-        hidden = self.decode(torch.cat([used * 4, first / 8, context], 1))
+        hidden = self.decode(torch.cat([volume * 4, first / 8, context], 1))
         coarse = _cells(self.answer(hidden), first * 8, 8.0)
 
         fine, fine_hidden = self._refine(shared4, geometry4, hidden, coarse, batch)
-        points = surface_points(depth, seen.distance, self.fine_pixels)
-        covered = seen.mask[:, 0, self.fine_pixels[:, 1], self.fine_pixels[:, 0]]
-        weight = torch.sigmoid(fine.weight).flatten(1) * covered
-        moves = fine.displacement.flatten(2).mT
-        slopes = jacobian(points, seen.distance)
-        solved = solve_counts(moves, weight, slopes, self.damping.exp())
+        finest = self.finest(shared2, geometry2, fine_hidden, fine)
+        solved = self._solve(seen, depth, finest)
 
         attention = torch.sigmoid(self.attend(hidden))
         object_cells = functional.max_pool2d(seen.mask, 4)
@@ -171,72 +169,39 @@ class CorrelationNet(nn.Module):
         counts = solved + values[:, :6] * _HEAD_SCALE
         confidence = values[:, 19]
         decision = Decision(values[:, 6:19], counts, torch.sigmoid(confidence), attention)
-        return CorrelationOutput(matching.flatten(2).mT, coarse, fine, solved, confidence, decision)
+        return CorrelationOutput(
+            matching.flatten(2).mT, coarse, fine, finest, solved, confidence, decision
+        )  # fmt: skip
+
+    def _solve(self, seen: Observation, depth: Tensor, finest: CellAnswer) -> Tensor:
+        """The six counts (B, 6) that the cells' answers amount to."""
+        used = pool_cells(finest)  # four times fewer equations, as exact
+        points = surface_points(depth, seen.distance, self.fine_pixels)
+        covered = seen.mask[:, 0, self.fine_pixels[:, 1], self.fine_pixels[:, 0]]
+        weight = torch.sigmoid(used.weight).flatten(1) * covered
+        moves = used.displacement.flatten(2).mT
+        slopes = jacobian(points, seen.distance)
+        return solve_counts(
+            moves, weight, used.shape.flatten(2).mT, slopes, self.damping.exp()
+        )  # fmt: skip
 
     def _refine(
         self, shared4: Tensor, geometry4: Tensor, hidden: Tensor, coarse: CellAnswer, batch: int
     ) -> tuple[CellAnswer, Tensor]:
         """Match again at stride 4 around the coarse answer. METHOD 9e."""
-        matched = _centred(self.fine_match(shared4))
+        matched = centred(self.fine_match(shared4))
         image4 = functional.normalize(matched[:batch], dim=1)
         render4 = functional.normalize(matched[batch:], dim=1)
         start = functional.interpolate(
             coarse.displacement.detach(), scale_factor=2.0, mode="bilinear", align_corners=False
         )
-        cells = PATCH_SIZE // 4
-        base = self.fine_pixels.to(start).reshape(cells, cells, 2)
-        # Cells cover whole pixels: a cell's stated pixel is half a pixel past its centre.
-        grid = (base + start.permute(0, 2, 3, 1) + 0.5) / (PATCH_SIZE / 2) - 1
-        warped = functional.grid_sample(image4, grid, align_corners=False)
-        correlation = _correlate_blocks(render4, warped, self.fine_index, self.config.fine_radius)
+        warped = warp_cells(image4, start, 4)
+        correlation = correlate_blocks(render4, warped, self.fine_index, self.config.fine_radius)
         wide = functional.interpolate(hidden, scale_factor=2.0, mode="nearest")
         context = self.fine_context(torch.cat([matched[batch:], geometry4, wide], 1))
         fine = self.fine_decode(torch.cat([correlation * 4, start / 16, context], 1))
         return _cells(self.fine_answer(fine), start, 4.0), fine
 
 
-_BLOCK = 8  # cells a side of the blocks in which the fine correlation is computed
-
-
-def _centred(features: Tensor) -> Tensor:
-    """Without the picture's mean feature, which says nothing about where a cell belongs."""
-    return features - features.mean((2, 3), keepdim=True)
-
-
 def _cells(values: Tensor, start: Tensor, stride: float) -> CellAnswer:
-    return CellAnswer(start + values[:, :2] * stride, values[:, 2], values[:, 3])
-
-
-def _window_index(cells: int, radius: int) -> Tensor:
-    """For each of cells² cells, where its (2r + 1)² window lies in the padded grid, flattened."""
-    line, reach = torch.arange(cells), torch.arange(-radius, radius + 1)
-    y, x = torch.meshgrid(line, line, indexing="ij")
-    dy, dx = torch.meshgrid(reach, reach, indexing="ij")
-    row = y.reshape(-1, 1) + dy.reshape(1, -1) + radius
-    column = x.reshape(-1, 1) + dx.reshape(1, -1) + radius
-    return row * (cells + 2 * radius) + column
-
-
-def _correlate(render: Tensor, image: Tensor, index: Tensor, radius: int) -> Tensor:
-    """Products of each rendering cell with the image cells around it: (B, (2r+1)², n, n).
-
-    All pairs by one matrix product, then a gather: 30 times faster than unfolding the windows.
-    """
-    batch, _, n, _ = render.shape
-    padded = functional.pad(image, [radius] * 4).flatten(2)
-    products = render.flatten(2).mT @ padded
-    window = products.gather(2, index[None].expand(batch, -1, -1))
-    return window.mT.reshape(batch, -1, n, n)
-
-
-def _correlate_blocks(render: Tensor, image: Tensor, index: Tensor, radius: int) -> Tensor:
-    """As `_correlate` for a large grid, in blocks so that far pairs are never computed."""
-    batch, channels, n, _ = render.shape
-    blocks, width = n // _BLOCK, _BLOCK + 2 * radius
-    cells = render.reshape(batch, channels, blocks, _BLOCK, blocks, _BLOCK)
-    cells = cells.permute(0, 2, 4, 3, 5, 1).reshape(-1, _BLOCK * _BLOCK, channels)
-    windows = functional.pad(image, [radius] * 4).unfold(2, width, _BLOCK).unfold(3, width, _BLOCK)
-    windows = windows.permute(0, 2, 3, 1, 4, 5).reshape(-1, channels, width * width)
-    products = (cells @ windows).gather(2, index[None].expand(len(cells), -1, -1))
-    products = products.reshape(batch, blocks, blocks, _BLOCK, _BLOCK, -1)
-    return products.permute(0, 5, 1, 3, 2, 4).reshape(batch, -1, n, n)
+    return CellAnswer(start + values[:, :2] * stride, values[:, 2], values[:, 3], values[:, 4:])

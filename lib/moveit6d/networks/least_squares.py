@@ -16,6 +16,7 @@ from ..geometry.rotation import exp_so3
 
 _CENTRE = (PATCH_SIZE - 1) / 2
 _DEGREE = math.pi / 180
+_SHARPEST = 2.5  # logarithm of how much better than average the better direction may be known
 
 
 def cell_pixels(stride: int) -> Tensor:
@@ -71,16 +72,36 @@ def jacobian(points: Tensor, distance: Tensor) -> Tensor:
     return torch.stack([torch.stack(du, -1), torch.stack(dv, -1)], -2)
 
 
+def precision(shape: Tensor) -> Tensor:
+    """How well each direction of a displacement is known: (..., 2) → (..., 2, 2), determinant 1.
+
+    Along an edge nothing fixes a displacement, across it everything does. The matrix is the
+    exponential of [[a, b], [b, −a]] for the two numbers (a, b), bounded; (0, 0) gives the identity.
+    """
+    length = (shape.square().sum(-1) + 1e-6).sqrt()
+    bounded = _SHARPEST * torch.tanh(length / _SHARPEST)
+    even, odd = torch.cosh(bounded), torch.sinh(bounded) / length
+    a, b = (odd[..., None] * shape).unbind(-1)
+    rows = [torch.stack([even + a, b], -1), torch.stack([b, even - a], -1)]
+    return torch.stack(rows, -2)
+
+
 def solve_counts(
-    displacement: Tensor, weight: Tensor, matrix: Tensor, damping: Tensor, limit: float = 40.0
-) -> Tensor:
+    displacement: Tensor, weight: Tensor, shape: Tensor, matrix: Tensor, damping: Tensor,
+    limit: float = 40.0,
+) -> Tensor:  # fmt: skip
     """Counts (B, 6) whose first-order displacement fits best.
 
-    `displacement` (B, M, 2) pixels, `weight` (B, M) ≥ 0, `matrix` (B, M, 2, 6) from `jacobian`,
-    `damping` (6,) a prior that the counts are small. Differentiable in all of them.
+    `displacement` (B, M, 2) pixels, `weight` (B, M) ≥ 0, `shape` (B, M, 2) as `precision` takes it,
+    `matrix` (B, M, 2, 6) from `jacobian`, `damping` (6,) a prior that the counts are small.
+    Differentiable in all of them.
     """
     total = weight.sum(1)[:, None, None].clamp_min(1e-6)
-    weighted = (matrix * weight[..., None, None]).flatten(1, 2)
+    # Written out: thousands of products of 2 × 2 matrices would take longer than all the rest.
+    known = (precision(shape) * weight[..., None, None])[..., None]  # (B, M, 2, 2, 1)
+    across, down = matrix.unbind(-2)
+    rows = [known[..., k, 0, :] * across + known[..., k, 1, :] * down for k in (0, 1)]
+    weighted = torch.stack(rows, -2).flatten(1, 2)
     flat = matrix.flatten(1, 2)
     normal = weighted.mT @ flat / total + torch.diag(damping)
     right = weighted.mT @ displacement.flatten(1)[..., None] / total

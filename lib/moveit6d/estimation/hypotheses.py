@@ -1,0 +1,85 @@
+"""Where an object may be in the next frame: the poses from which a tracker starts.
+
+Never sees an image. METHOD 9f: a constant-velocity start beside the last pose, and the way back to
+where the object was last seen well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ..actions import difference
+from ..geometry.mesh import Mesh
+from ..geometry.pose import Pose
+from ..geometry.rotation import exp_so3, log_so3
+
+# Confidence under which a pose is not believed.
+DOUBTFUL = 0.5
+# Two starts within so many counts on every axis lead to the same place: one of them is enough.
+SAME = 3.0
+
+
+@dataclass
+class Track:
+    """What a tracker remembers of one object; poses are the mesh file's, float64.
+
+    `pose` is the last one found, `velocity` (2, 3) its last turn (radians) and shift (metres) from
+    frame to frame about the object's centre, `trusted` the last one that was believed.
+    """
+
+    mesh: Mesh
+    pose: Pose
+    trusted: Pose
+    velocity: Tensor | None = None
+    believed: bool = True
+
+    @staticmethod
+    def begin(mesh: Mesh, pose: Pose) -> Track:
+        """A track that starts at a pose which is taken to be right."""
+        return Track(mesh, pose, pose)
+
+    def starts(self) -> list[Pose]:
+        """Poses to start the next frame from, each far from the others; the last pose first."""
+        found = [self.pose]
+        others = [] if self.velocity is None else [self._ahead(self.velocity)]
+        if not self.believed:
+            others.append(self.trusted)
+        for pose in others:
+            if all(_apart(self.mesh, pose, other) for other in found):
+                found.append(pose)
+        return found
+
+    def add(self, pose: Pose, confidence: float) -> None:
+        """Go on from the pose of the frame that came."""
+        before, after = self.mesh.inner(self.pose), self.mesh.inner(pose)
+        was_believed = self.believed
+        self.believed = confidence >= DOUBTFUL
+        self.velocity = None
+        if was_believed and self.believed:
+            turn = log_so3(after.rotation @ before.rotation.mT)
+            self.velocity = torch.stack([turn, after.translation - before.translation])
+        self.pose = pose
+        if self.believed:
+            self.trusted = pose
+
+    def miss(self) -> None:
+        """A frame without a pose: stay where the object was."""
+        self.believed, self.velocity = False, None
+
+    def _ahead(self, velocity: Tensor) -> Pose:
+        """The pose after one more frame of the same motion."""
+        here = self.mesh.inner(self.pose)
+        ahead = Pose(exp_so3(velocity[0]) @ here.rotation, here.translation + velocity[1])
+        return self.mesh.outer(ahead)
+
+
+def _apart(mesh: Mesh, one: Pose, other: Pose) -> bool:
+    """Whether two poses differ by more than `SAME` counts on some axis."""
+    a, b = mesh.inner(one), mesh.inner(other)
+    if float(a.translation[2]) <= 0 or float(b.translation[2]) <= 0:
+        return True
+    diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
+    return bool(difference(a, b, diameter).abs().max() > SAME)

@@ -1,0 +1,78 @@
+"""Local correlation: each cell of the rendering against the cells of the image around it.
+
+Never learns anything: index tables and matrix products.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+BLOCK = 8  # cells a side of the blocks in which the correlation of a large grid is computed
+
+
+def centred(features: Tensor) -> Tensor:
+    """Without the picture's mean feature, which says nothing about where a cell belongs."""
+    return features - features.mean((2, 3), keepdim=True)
+
+
+def window_index(cells: int, radius: int) -> Tensor:
+    """For each of cells² cells, where its (2r + 1)² window lies in the padded grid, flattened."""
+    line, reach = torch.arange(cells), torch.arange(-radius, radius + 1)
+    y, x = torch.meshgrid(line, line, indexing="ij")
+    dy, dx = torch.meshgrid(reach, reach, indexing="ij")
+    row = y.reshape(-1, 1) + dy.reshape(1, -1) + radius
+    column = x.reshape(-1, 1) + dx.reshape(1, -1) + radius
+    return row * (cells + 2 * radius) + column
+
+
+def correlate(render: Tensor, image: Tensor, index: Tensor, radius: int) -> Tensor:
+    """Products of each rendering cell with the image cells around it: (B, (2r+1)², n, n).
+
+    All pairs by one matrix product, then a gather: 30 times faster than unfolding the windows.
+    """
+    batch, _, n, _ = render.shape
+    padded = functional.pad(image, [radius] * 4).flatten(2)
+    products = render.flatten(2).mT @ padded
+    window = products.gather(2, index[None].expand(batch, -1, -1))
+    return window.mT.reshape(batch, -1, n, n)
+
+
+def correlate_blocks(render: Tensor, image: Tensor, index: Tensor, radius: int) -> Tensor:
+    """As `correlate` for a large grid, in blocks so that far pairs are never computed."""
+    batch, channels, n, _ = render.shape
+    blocks, width = n // BLOCK, BLOCK + 2 * radius
+    cells = render.reshape(batch, channels, blocks, BLOCK, blocks, BLOCK)
+    cells = cells.permute(0, 2, 4, 3, 5, 1).reshape(-1, BLOCK * BLOCK, channels)
+    windows = functional.pad(image, [radius] * 4).unfold(2, width, BLOCK).unfold(3, width, BLOCK)
+    windows = windows.permute(0, 2, 3, 1, 4, 5).reshape(-1, channels, width * width)
+    products = (cells @ windows).gather(2, index[None].expand(len(cells), -1, -1))
+    products = products.reshape(batch, blocks, blocks, BLOCK, BLOCK, -1)
+    return products.permute(0, 5, 1, 3, 2, 4).reshape(batch, -1, n, n)
+
+
+def correlate_shifted(render: Tensor, image: Tensor, radius: int) -> Tensor:
+    """As `correlate` for a small radius: one product of whole pictures an offset."""
+    size = render.shape[-1]
+    padded = functional.pad(image, [radius] * 4)
+    shifts = range(2 * radius + 1)
+    products = [
+        (render * padded[:, :, dy : dy + size, dx : dx + size]).sum(1)
+        for dy in shifts
+        for dx in shifts
+    ]
+    return torch.stack(products, 1)
+
+
+def warp_cells(features: Tensor, displacement: Tensor, stride: int) -> Tensor:
+    """Features (B, C, n, n) of the image where each cell's displacement (B, 2, n, n) leads.
+
+    Displacements in patch pixels, cells of `stride` pixels.
+    """
+    cells = features.shape[-1]
+    line = torch.arange(cells, device=features.device) * stride + (stride - 1) / 2
+    y, x = torch.meshgrid(line, line, indexing="ij")
+    places = torch.stack([x, y], -1) + displacement.permute(0, 2, 3, 1)
+    grid = (places + 0.5) * (2 / (cells * stride)) - 1
+    return functional.grid_sample(features, grid, align_corners=False)

@@ -1,0 +1,51 @@
+"""Where the next frame starts: constant velocity against SciPy, and what is remembered."""
+
+import numpy as np
+import torch
+from scipy.spatial.transform import Rotation
+
+from moveit6d.estimation.hypotheses import DOUBTFUL, Track
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.pose import Pose
+
+
+def moving(mesh: Mesh, frame: int) -> Pose:
+    """An object that turns and drifts evenly about its centre."""
+    turn = Rotation.from_rotvec(np.array([0.02, -0.1, 0.05]) * frame).as_matrix()
+    place = np.array([0.03, -0.02, 0.04]) * frame + [0.0, 0.0, 0.8]
+    return mesh.outer(Pose(torch.from_numpy(turn), torch.from_numpy(place)))
+
+
+def sure(track: Track, *poses: Pose) -> Track:
+    for pose in poses:
+        track.add(pose, 1.0)
+    return track
+
+
+def test_an_even_motion_is_continued(brick: Mesh) -> None:
+    track = sure(Track.begin(brick, moving(brick, 0)), moving(brick, 1), moving(brick, 2))
+    last, ahead = track.starts()
+    torch.testing.assert_close(last.matrix(), moving(brick, 2).matrix())
+    torch.testing.assert_close(ahead.matrix(), moving(brick, 3).matrix())
+
+
+def test_an_object_at_rest_has_one_start(brick: Mesh) -> None:
+    track = sure(Track.begin(brick, moving(brick, 1)), moving(brick, 1))
+    assert len(track.starts()) == 1
+
+
+def test_a_doubtful_pose_is_not_extrapolated_and_the_trusted_one_is_kept(brick: Mesh) -> None:
+    track = sure(Track.begin(brick, moving(brick, 0)), moving(brick, 1))
+    track.add(moving(brick, 4), DOUBTFUL - 0.1)
+    track.add(moving(brick, 6), DOUBTFUL - 0.1)
+    last, trusted = track.starts()
+    torch.testing.assert_close(last.matrix(), moving(brick, 6).matrix())
+    torch.testing.assert_close(trusted.matrix(), moving(brick, 1).matrix())
+
+
+def test_belief_comes_back(brick: Mesh) -> None:
+    track = sure(Track.begin(brick, moving(brick, 0)), moving(brick, 1))
+    track.miss()
+    assert not track.believed
+    track.add(moving(brick, 1), 1.0)
+    assert track.believed and len(track.starts()) == 1
