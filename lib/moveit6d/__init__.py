@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .actions import ActionSpace, PoseAction
     from .errors import InputError
-    from .estimation import PoseEstimator, PoseTracker, TrackingResult
+    from .estimation import PoseDetector, PoseEstimator, PoseTracker, TrackingResult
     from .geometry.camera import Camera
     from .geometry.mesh import Mesh
     from .geometry.pose import Pose
@@ -29,6 +29,7 @@ _HOMES = {
     "ActionSpace": "actions",
     "PoseEstimator": "estimation",
     "PoseTracker": "estimation",
+    "PoseDetector": "estimation",
     "TrackingResult": "estimation",
     "OraclePolicy": "policies",
     "load_policy": "policies",
@@ -44,6 +45,7 @@ __all__ = [
     "ActionSpace",
     "PoseEstimator",
     "PoseTracker",
+    "PoseDetector",
     "TrackingResult",
     "OraclePolicy",
     "load_policy",

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 
 from moveit6d.cli.main import main
-from moveit6d.datasets.files import PoseRow, read_poses, write_poses
+from moveit6d.datasets.files import PoseRow, read_poses, write_pose, write_poses
 from moveit6d.estimation import PoseTracker
+from moveit6d.geometry.pose import Pose
+from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
+from moveit6d.networks.weights_file import save_network
 
 Make = Callable[..., Any]
+TINY = CorrelationConfig(channels=(4, 6, 8), geometry=(4, 4, 4), context=8, decoder=8, fine=8)
 
 
 @pytest.fixture
@@ -56,7 +62,8 @@ def test_our_row_stands_under_the_rivals(
     assert rows[3][3] == "33.3 %" and rows[4][3] == "100.0 %" and rows[6][3] == "100.0 %"
     assert [row[0] for row in rows[8:]] == ["easy", "easy_00", "hard", "hard_01", "all"]
     assert sorted(p.name for p in out.iterdir()) == [
-        "easy_00.csv", "easy_00.mp4", "hard_01.csv", "hard_01.mp4",
+        "easy_00.csv", "easy_00.json", "easy_00.mp4",
+        "hard_01.csv", "hard_01.json", "hard_01.mp4",
     ]  # fmt: skip
     written = read_poses(out / "hard_01.csv")
     assert len(written) == 4 and written[0].milliseconds is None and written[1].milliseconds
@@ -127,11 +134,119 @@ def test_ctrl_c_prints_what_was_done(
                  "--output", str(out)]) == 130  # fmt: skip
     assert [row[0] for row in table(capsys.readouterr().out)] == ["level", "easy"]
     assert len(read_poses(out / "hard_01.csv")) == 2
+    assert not (out / "hard_01.json").exists(), "half a track is not marked as whole"
 
 
-def test_overlays_need_a_place(sequences: Path, capsys: Any) -> None:
-    assert main(["benchmark", "tracking", "--sequences", str(sequences), "--overlays"]) == 2
-    assert "--overlays needs --output" in capsys.readouterr().err
+@pytest.mark.parametrize("option", ["--overlays", "--resume"])
+def test_some_options_need_a_place(sequences: Path, capsys: Any, option: str) -> None:
+    assert main(["benchmark", "tracking", "--sequences", str(sequences), option]) == 2
+    assert f"{option} needs --output" in capsys.readouterr().err
+
+
+def count_updates(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    calls: list[int] = []
+    update = PoseTracker.update
+
+    def record(self: PoseTracker, image: Any) -> Any:
+        calls.append(1)
+        return update(self, image)
+
+    monkeypatch.setattr(PoseTracker, "update", record)
+    return calls
+
+
+def test_resuming_does_only_what_is_not_done_the_same_way(
+    sequences: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    out, report = tmp_path / "ours", tmp_path / "report"
+    command = ["benchmark", "tracking", "--sequences", str(sequences), "--output", str(out)]
+    assert main(command) == 0
+    first = capsys.readouterr().out
+    (out / "hard_01.json").unlink()  # as if it had been killed there
+    calls = count_updates(monkeypatch)
+    again = [*command, "--resume", "--report", str(report)]
+    assert main(again) == 0
+    assert len(calls) == 3 and capsys.readouterr().out.count("100.0 %") == first.count("100.0 %")
+    # Pages are made of finished tracks, too.
+    names = sorted(path.name for path in report.iterdir())
+    assert names == ["easy_00.html", "hard_01.html", "index.html"]
+    assert main(again) == 0 and len(calls) == 3
+    assert main([*again, "--max_steps", "1"]) == 0 and len(calls) == 9
+
+
+def test_reports_lead_from_the_worst_sequence_to_its_worst_frame(
+    sequences: Path, tmp_path: Path, make_sequence: Make
+) -> None:
+    make_sequence("moving_00", frames=4)  # the oracle believes that it stands still
+    report = tmp_path / "report"
+    command = ["benchmark", "tracking", "--sequences", str(sequences), "--report", str(report)]
+    assert main(command) == 0
+    index = (report / "index.html").read_text()
+    places = [index.index(f'href="{name}.html"') for name in ("moving_00", "easy_00", "hard_01")]
+    assert places == sorted(places)
+    page = (report / "moving_00.html").read_text()
+    assert page.index('data-frame="3"') < page.index('data-frame="1"') < page.index('"f0"')
+
+
+def test_a_protocol_of_resets_is_kept_and_its_frames_are_not_scored(
+    make_sequence: Make, scene: Any, use_oracle: Callable[..., None], tmp_path: Path, capsys: Any
+) -> None:
+    made = make_sequence("easy_00", frames=20)
+    use_oracle(scene.mesh, made.poses[0])
+    out = tmp_path / "ours"
+    command = ["benchmark", "tracking", "--sequences", str(made.folder), "--output", str(out),
+               "--protocol", "paper"]  # fmt: skip
+    assert main([*command, "--report", str(out / "report")]) == 0
+    rows = read_poses(out / "easy_00.csv")
+    assert [row.frame for row in rows if row.reset] == [1, 16]
+    head, easy = table(capsys.readouterr().out)
+    assert easy[head.index("resets")] == "2"
+    page = (out / "report" / "easy_00.html").read_text()
+    assert "of 17 frames" in page and "set to the true pose" in page
+    assert main([*command, "--count_resets", "--resume"]) == 0
+    assert float(table(capsys.readouterr().out)[1][2].split()[0]) > float(easy[2].split()[0])
+
+
+def test_one_bad_sequence_does_not_stop_the_others(
+    sequences: Path, scene: Any, tmp_path: Path, capsys: Any
+) -> None:
+    bad = Pose(scene.pose(0).rotation, torch.tensor([9.0, 0, 0.5], dtype=torch.float64))
+    write_pose(sequences / "easy_00" / "start.json", bad)
+    assert main(["benchmark", "tracking", "--sequences", str(sequences)]) == 2
+    said = capsys.readouterr()
+    assert [row[0] for row in table(said.out)] == ["level", "hard"]
+    assert "easy_00: Start pose: the object is outside of the image" in said.err
+    assert "1 of 2 sequences could not be tracked: easy_00." in said.err.splitlines()[-1]
+
+
+def test_two_processes_with_one_killed_give_the_same_tracks(
+    make_sequence: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    from moveit6d.cli import sequence_job
+    from tests.support import killed_sequence
+
+    for name in ("easy_00", "easy_01", "hard_00"):
+        made = make_sequence(name, frames=4)
+    weights = tmp_path / "weights.safetensors"
+    torch.manual_seed(0)
+    save_network(CorrelationNet(TINY), weights)
+    command = ["benchmark", "tracking", "--sequences", str(made.folder.parent),
+               "--weights", str(weights), "--max_steps", "2", "--output"]  # fmt: skip
+    assert main([*command, str(tmp_path / "one")]) == 0
+    monkeypatch.setattr(sequence_job, "work", killed_sequence.work)
+    monkeypatch.setenv(killed_sequence.FOLDER, str(tmp_path))
+    assert main([*command, str(tmp_path / "two"), "--jobs", "2"]) == 0
+    assert (tmp_path / "killed").exists()
+    for name in ("easy_00", "easy_01", "hard_00"):
+        one, two = (read_poses(tmp_path / place / f"{name}.csv") for place in ("one", "two"))
+        assert [replace(row, milliseconds=None, pose=None) for row in one] == [
+            replace(row, milliseconds=None, pose=None) for row in two
+        ]
+        for mine, theirs in zip(one, two, strict=True):
+            assert mine.pose is not None and theirs.pose is not None
+            assert torch.equal(mine.pose.rotation, theirs.pose.rotation)
+            assert torch.equal(mine.pose.translation, theirs.pose.translation)
+    assert not list((tmp_path / "two").glob(".*")), "a killed worker leaves nothing behind"
 
 
 def test_the_parts_of_a_cycle_are_printed(sequences: Path, brick_file: Path, capsys: Any) -> None:

@@ -14,7 +14,10 @@ from moveit6d.cli import doctor, fit
 from moveit6d.cli.main import main
 from moveit6d.errors import InputError, RenderingUnavailable, WeightsError
 
-VERBS = ["track", "refine", "evaluate", "benchmark", "synthesize", "fit", "demo", "doctor"]
+VERBS = [
+    "track", "refine", "detect", "evaluate", "benchmark", "reproduce", "synthesize", "fit", "demo",
+    "doctor", "contact-sheet", "write-pairs",
+]  # fmt: skip
 
 
 def printed(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -35,7 +38,8 @@ def test_every_verb_has_a_manual_page(verb: str, capsys: pytest.CaptureFixture[s
     text = printed([verb, "--help"], capsys)
     assert "exit codes:" in text and len(text.splitlines()) > 15
     assert max(map(len, text.splitlines())) <= 100
-    kinds = {"evaluate": ["tracking", "bop"], "benchmark": ["tracking", "cycle"]}.get(verb, [])
+    of_verb = {"evaluate": ["tracking", "bop", "ycbv"], "benchmark": ["tracking", "cycle"]}
+    kinds = of_verb.get(verb, [])
     for kind in kinds:
         assert "examples:" in printed([verb, kind, "--help"], capsys)
     assert kinds or "examples:" in text

@@ -206,3 +206,39 @@ def test_an_unknown_split_is_said(
     assert main(["refine", "--dataset", str(dataset.root), "--split", "test",
                  "--initial", "a.csv", "--output", "b.csv"]) == 2  # fmt: skip
     assert "no split 'test'; folders there: val" in capsys.readouterr().err
+
+
+def test_workers_refine_the_same(
+    command: Callable[..., int],
+    rows: list[Estimate],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Everything a worker needs is in what it is sent; that workers work is tests/…/test_jobs."""
+    import pickle
+
+    from moveit6d.evaluation import jobs
+    from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
+    from moveit6d.networks.weights_file import save_network
+
+    tiny = CorrelationConfig(channels=(4, 6, 8), geometry=(4, 4, 4), context=8, decoder=8, fine=8)
+    torch.manual_seed(0)
+    save_network(CorrelationNet(tiny), tmp_path / "weights.safetensors")
+    options = ["--weights", str(tmp_path / "weights.safetensors"), "--max_steps", "2"]
+    assert command(rows, *options) == 0
+    alone = read_results(tmp_path / "refined.csv")
+    sent = []
+
+    def beside(work: Any, items: Any, count: int) -> Any:
+        for index in reversed(range(len(items))):  # workers end in any order
+            sent.append(count)
+            far_work, item = pickle.loads(pickle.dumps((work, items[index])))
+            yield jobs.Outcome(index, far_work(item))
+
+    monkeypatch.setattr(jobs, "_beside", beside)
+    assert command(rows, *options, "--jobs", "2") == 0
+    assert sent == [2, 2, 2]
+    for one, two in zip(alone, read_results(tmp_path / "refined.csv"), strict=True):
+        assert (one.image, one.score) == (two.image, two.score)
+        assert torch.equal(one.pose.rotation, two.pose.rotation)
+        assert torch.equal(one.pose.translation, two.pose.translation)

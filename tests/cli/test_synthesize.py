@@ -54,6 +54,56 @@ def test_several_sequences_are_numbered_and_differ(
     assert [int(photo[0, 0, 0]) for photo in first["photos"]] == [0, 1, 2]
 
 
+@pytest.fixture
+def stand_ins(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
+    """What the makers of stand-ins are asked for."""
+    calls: list[tuple[Any, ...]] = []
+    for name in ("write_laval_stand_in", "write_ycbv_stand_in"):
+        monkeypatch.setattr(
+            f"moveit6d.synthesis.stand_ins.{name}", lambda *asked, name=name: calls.append(asked)
+        )
+    return calls
+
+
+def test_a_laval_stand_in_is_made_of_the_meshes_and_levels(
+    stand_ins: list[tuple[Any, ...]], brick_file: Path, capsys: Any
+) -> None:
+    command = ["synthesize", "sequence", "--format", "laval", "--output", "data", "--seed", "5"]
+    command += ["--mesh", str(brick_file), str(brick_file), "--frames", "9", "--level", "easy"]
+    assert main([*command, "--occlusion", "0", "60"]) == 0
+    assert main(command) == 0
+    (root, objects, making, levels), (*_, usual) = stand_ins
+    assert root == Path("data") and list(objects) == ["brick", "brick_1"]
+    assert (making.frames, making.level, making.seed) == (9, "easy", 5)
+    assert list(levels) == [0, 60] and list(usual) == [0, 15, 30, 45]
+    assert capsys.readouterr().out == "data\ndata\n"
+
+
+def test_a_ycbv_stand_in_has_another_object_in_the_middle_of_each_scene(
+    stand_ins: list[tuple[Any, ...]],
+) -> None:
+    assert main(["synthesize", "--format", "ycbv", "--output", "data", "--count", "5"]) == 0
+    ((_, scenes, making),) = stand_ins
+    assert len(scenes) == 5 and making.frames == 120
+    assert all(scene.keys() == scenes[0].keys() and len(scene) == 4 for scene in scenes)
+    middles = [next(iter(scene)) for scene in scenes]
+    assert len(set(middles)) == 4 and middles[4] == middles[0]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--occlusion", "15"], "--occlusion is for --format laval"),
+        (["--format", "laval", "--count", "2"], "--count is not for --format laval"),
+    ],
+)
+def test_options_of_other_formats_are_refused(
+    options: list[str], words: str, tmp_path: Path, capsys: Any
+) -> None:
+    assert main(["synthesize", "--output", str(tmp_path / "new"), *options]) == 2
+    assert words in capsys.readouterr().err
+
+
 def test_a_missing_mesh_is_said(tmp_path: Path, capsys: Any) -> None:
     assert main(["synthesize", "--output", str(tmp_path), "--mesh", "no.obj"]) == 2
     assert "no.obj" in capsys.readouterr().err

@@ -74,6 +74,16 @@ def test_the_figures_of_a_track_with_errors(surface: Surface) -> None:
     assert (found.resets, found.milliseconds, found.missing) == (1, 20.0, 1)
 
 
+def test_a_symmetric_object_is_scored_by_add_s(brick: Mesh) -> None:
+    half = Pose(torch.diag(torch.tensor([-1.0, -1, 1], dtype=torch.float64)), torch.zeros(3))
+    middle = Pose(EYE, torch.from_numpy(brick.center))
+    turned = at(0.0) @ middle @ half.to(torch.float64) @ middle.inverse()
+    truth = {frame: at(0.0) for frame in range(3)}
+    rows = {frame: PoseRow(frame, pose=turned) for frame in truth}
+    assert score(rows, truth, Surface.of(brick)).below_10 == 0
+    assert score(rows, truth, Surface.of(brick, symmetric=True)).below_10 == 1
+
+
 def test_holes_in_the_truth_are_not_scored(surface: Surface) -> None:
     truth = {0: at(0), 1: at(0), 7: at(0)}
     rows = {frame: PoseRow(frame, pose=at(1.0 if frame in (3, 4) else 0)) for frame in range(8)}

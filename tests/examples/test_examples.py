@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
+import ast
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +13,13 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image
 
+from moveit6d.errors import InputError
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3, log_so3
+from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
+from moveit6d.networks.weights_file import save_network
 from moveit6d.synthesis.levels import Level
 from moveit6d.synthesis.primitives import box
 from moveit6d.synthesis.sequence import Scene, write_sequence
@@ -172,9 +175,125 @@ def test_your_video_example_runs(
     assert "confidence 1.00" in lines[1]
 
 
-@pytest.mark.parametrize("name", sorted(path.name for path in EXAMPLES.glob("track_*.py")))
-def test_examples_say_how_they_are_used(name: str) -> None:
-    done = subprocess.run(
-        [sys.executable, str(EXAMPLES / name), "--help"], capture_output=True, text=True
+@pytest.fixture
+def weights(tmp_path: Path) -> Path:
+    """A network that knows nothing and is quick."""
+    sizes = CorrelationConfig(channels=(4, 6, 8), geometry=(4, 4, 4), context=8, decoder=8, fine=8)
+    torch.manual_seed(0)
+    save_network(CorrelationNet(sizes), tmp_path / "tiny.safetensors")
+    return tmp_path / "tiny.safetensors"
+
+
+@pytest.mark.usefixtures("on_path")
+def test_laval_example_goes_from_the_first_frame_to_a_report(
+    weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import laval_unseen_object
+
+    out = tmp_path / "out"
+    laval_unseen_object.main(["--output", str(out), "--frames", "3", "--weights", str(weights)])
+    assert "robot_occlusion_v_30: ADD below 10 %" in capsys.readouterr().out
+    page = (out / "report.html").read_text()
+    assert page.count('data-frame="') == 3 and "tiny.safetensors" in page
+    assert "stand-in for Laval" in page
+    with pytest.raises(InputError, match="robot_occlusion_h_30, robot_occlusion_v_30"):
+        laval_unseen_object.main(["--laval", str(out / "data"), "--sequence", "dog_occlusion_0"])
+
+
+@pytest.mark.usefixtures("on_path")
+def test_ten_lines_track_a_made_clip(
+    monkeypatch: pytest.MonkeyPatch, weights: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import track_my_video
+
+    from moveit6d.policies import load_policy
+
+    monkeypatch.setattr("moveit6d.estimation.tracker.load_policy", lambda: load_policy(weights))
+    track_my_video.main([], frames=2)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["000000.jpg", "000001.jpg"]
+
+
+@pytest.mark.usefixtures("on_path")
+def test_bop_example_writes_refined_estimates(
+    weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import refine_bop_estimates
+
+    from moveit6d.datasets.bop import read_results
+
+    options = ["--output", str(tmp_path / "out"), "--images", "2", "--weights", str(weights)]
+    refine_bop_estimates.main(options)
+    assert "| after " in capsys.readouterr().out
+    before, after = (
+        read_results(tmp_path / "out" / f"{name}.csv") for name in ("initial", "refined")
     )
-    assert f"python examples/{name}" in done.stdout + done.stderr
+    assert [e.image for e in after] == [e.image for e in before] == [0, 1]
+    assert not torch.equal(before[0].pose.translation, after[0].pose.translation)
+    with pytest.raises(InputError, match="or neither"):
+        refine_bop_estimates.main(["--dataset", str(tmp_path)])
+
+
+@pytest.mark.usefixtures("on_path")
+@pytest.mark.filterwarnings("ignore")  # Lightning's own
+def test_training_example_trains_on_the_mesh(
+    weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import train_on_my_mesh
+
+    from moveit6d.networks.weights_file import load_network
+
+    out = tmp_path / "out"
+    train_on_my_mesh.main(["--steps", "2", "--batch", "2", "--output", str(out), "--frames", "2",
+                           "--weights", str(weights)])  # fmt: skip
+    assert "--weights" in capsys.readouterr().out
+    trained, given = (load_network(path) for path in (out / "weights.safetensors", weights))
+    assert trained.facts["steps"] == "2"
+    one, two = (network.network.state_dict() for network in (trained, given))
+    assert any(not torch.equal(one[name], two[name]) for name in one)
+
+
+@pytest.mark.usefixtures("on_path")
+def test_own_renderer_agrees_with_embree(
+    weights: Path, brick: Mesh, brick_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import my_own_renderer
+
+    from moveit6d.rendering.renderer import make_renderer
+
+    turn = exp_so3(torch.tensor([0.5, 0.6, 0.1], dtype=torch.float64))
+    pose = Pose(turn, torch.tensor([0.0, 0.0, 0.5], dtype=torch.float64))
+    one, two = (
+        my_own_renderer.patch(renderer, brick, pose)
+        for renderer in (make_renderer(), my_own_renderer.PointRenderer())
+    )
+    assert two.albedo.shape == (1, 3, 128, 128) and two.mask.dtype == torch.float32
+    both = (one.mask > 0) & (two.mask > 0)
+    either = (one.mask > 0) | (two.mask > 0)
+    assert both.sum() / either.sum() > 0.93
+    assert (one.depth - two.depth)[both].abs().median() < 0.002
+    rgb = both.expand_as(one.albedo)
+    assert (one.albedo - two.albedo)[rgb].abs().median() < 0.02
+    assert (one.normal * two.normal).sum(1, keepdim=True)[both].median() > 0.99
+    my_own_renderer.main(["--mesh", str(brick_file), "--frames", "2", "--weights", str(weights)])
+    assert "points: mean error" in capsys.readouterr().out
+
+
+NAMES = sorted(path.name for path in EXAMPLES.glob("*.py") if path.stem != "classical_reference")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_examples_say_how_they_are_used(name: str) -> None:
+    source = (EXAMPLES / name).read_text(encoding="utf-8")
+    text = ast.get_docstring(ast.parse(source)) or ""
+    assert f"python examples/{name}" in text
+    assert "__doc__" in source, "and show it when asked"
+
+
+@pytest.mark.usefixtures("on_path")
+def test_help_shows_what_an_example_says_of_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    import my_own_renderer
+
+    with pytest.raises(SystemExit) as ended:
+        my_own_renderer.main(["--help"])
+    assert ended.value.code == 0 and "python examples/my_own" in capsys.readouterr().out

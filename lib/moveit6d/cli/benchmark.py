@@ -1,40 +1,28 @@
 """`moveit6d benchmark`: the tracker against other trackers, and the time of one cycle.
 
-Never resets a track.
+Never more than arguments and printing; `benchmark_tracking` is the first of its kinds.
 """
 
 from __future__ import annotations
 
 import argparse
-from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..synthesis.clusters import CLUSTERS
+from . import benchmark_tracking
 from .common import (
     add_machine_options,
     add_tracking_options,
     add_verb,
-    complaining,
-    new_folder,
-    note,
     positive,
     progress,
     set_up,
     use_threads,
 )
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from ..datasets.sequences import Sequence
-    from ..evaluation.benchmark import MakeTracker
-    from ..evaluation.rollout import Step
-    from ..evaluation.tracking import Score
-    from ..rendering.renderer import Renderer
-
 DESCRIPTION = """\
-  moveit6d benchmark tracking   tracks whole sequences without reset, beside rivals' results
+  moveit6d benchmark tracking   tracks whole sequences, beside rivals' results
   moveit6d benchmark rendered   refines rendered objects from starts of a known distance
   moveit6d benchmark cycle      times the parts of one cycle: crop, render, network, move
   moveit6d benchmark oracle     proves the loop with a policy that knows the truth
@@ -66,23 +54,6 @@ examples:
   moveit6d benchmark rendered --objects meshes --photos photos --cluster all_large --covered 1
 """
 
-TRACKING = """\
-Tracks every sequence in a folder from its start pose to its end without reset and prints a
-Markdown table by level, under the rivals' rows if their results are given. Every sequence
-gets a fresh tracker, which never sees a true pose but the start. Rivals are scored anew from
-their CSV files. `moveit6d evaluate tracking --help` explains sequences and columns.
-
-files written to --output (nothing without it):
-  <sequence>.csv  frame,r11,...,r33,tx,ty,tz,milliseconds; the first row is the start
-  <sequence>.mp4  with --overlays: outline and axes drawn on the frames
-"""
-
-TRACKING_EXAMPLES = """\
-examples:
-  moveit6d benchmark tracking --sequences sequences --rivals rivals --output out/ours
-  moveit6d benchmark tracking --sequences sequences --only easy_00 hard_00 --per_sequence
-"""
-
 CYCLE = """\
 One cycle cuts the patch out of the frame, renders the object at the current pose, asks the
 network and moves the pose. This prints the median time of each part over many cycles on one
@@ -102,18 +73,7 @@ def add_parser(verbs: Any) -> None:
         verbs, "benchmark", "compare with other trackers, or time a cycle", DESCRIPTION, ""
     )
     kinds = parser.add_subparsers(title="kinds", metavar="KIND", required=True)
-    one = add_verb(
-        kinds, "tracking", "track whole sequences beside rivals", TRACKING, TRACKING_EXAMPLES
-    )
-    one.add_argument("--sequences", type=Path, required=True, metavar="DIR", help="sequences")
-    one.add_argument("--rivals", type=Path, metavar="DIR", help="a folder of CSV files a rival")
-    one.add_argument("--output", type=Path, metavar="DIR", help="where tracks are written")
-    one.add_argument("--overlays", action="store_true", help="write videos to --output, too")
-    one.add_argument("--only", nargs="+", metavar="NAME", help="only these sequences")
-    one.add_argument("--per_sequence", action="store_true", help="a row for every sequence, too")
-    one.add_argument("--name", default="moveit6d", help="name of our row")
-    add_tracking_options(one)
-    one.set_defaults(run=tracking)
+    benchmark_tracking.add_kind(kinds)
     three = add_verb(kinds, "rendered", "refine rendered objects", RENDERED, RENDERED_EXAMPLES)
     three.add_argument("--objects", type=Path, required=True, metavar="DIR", help="meshes, metres")
     three.add_argument("--photos", type=Path, required=True, metavar="DIR", help="backgrounds")
@@ -139,48 +99,6 @@ def add_parser(verbs: Any) -> None:
     two.add_argument("--weights", type=Path, metavar="FILE", help="weights instead of the shipped")
     add_machine_options(two)
     two.set_defaults(run=cycle)
-
-
-def tracking(args: argparse.Namespace) -> int:
-    """Track, score, compare."""
-    from ..datasets.sequences import read_sequences
-    from ..errors import InputError
-    from ..estimation import PoseTracker
-    from ..evaluation.tracking import comparison_table, tracking_table
-
-    if args.overlays and args.output is None:
-        raise InputError("--overlays needs --output.")
-    sequences = read_sequences(args.sequences)
-    if args.only:
-        unknown = set(args.only) - {sequence.name for sequence in sequences}
-        if unknown:
-            raise InputError(f"{args.sequences} has no sequence {', '.join(sorted(unknown))}.")
-        sequences = [sequence for sequence in sequences if sequence.name in args.only]
-    levels = {sequence.name: sequence.level for sequence in sequences}
-    policy, renderer = set_up(args)
-
-    def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker:
-        return PoseTracker(
-            mesh, camera, start, policy=policy, renderer=renderer, max_steps=args.max_steps
-        )
-
-    trackers = _rivals(args.rivals, sequences)
-    ours: dict[str, Score] = {}
-    interrupted = False
-    try:
-        for sequence in sequences:
-            found = _one(sequence, make_tracker, args, renderer)
-            if found is not None:
-                ours[sequence.name] = found
-    except KeyboardInterrupt:
-        interrupted = True
-    if ours:
-        if trackers:
-            print(comparison_table({**trackers, args.name: ours}, levels) + "\n")
-        print(f"{args.name}\n\n{tracking_table(ours, levels, args.per_sequence)}")
-    if interrupted:
-        raise KeyboardInterrupt
-    return 0
 
 
 def cycle(args: argparse.Namespace) -> int:
@@ -264,55 +182,3 @@ def oracle(args: argparse.Namespace) -> int:
     print(f"{args.renderer}, objects {', '.join(mesh.name for mesh in meshes)}\n")
     print(plain(["mode", "starts", "within half a step", "largest count left"], rows))
     return 0
-
-
-def _rivals(folder: Path | None, sequences: list[Sequence]) -> dict[str, dict[str, Score]]:
-    """Every rival's scores by sequence, from the CSV files in its folder."""
-    from ..errors import InputError
-    from ..evaluation.benchmark import score_results
-
-    if folder is None:
-        return {}
-    if not folder.is_dir():
-        raise InputError(f"{folder} is not a folder; it should hold a folder a rival.")
-    found = {
-        place.name: score_results(sequences, place)
-        for place in sorted(folder.iterdir())
-        if place.is_dir()
-    }
-    return {name: scores for name, scores in found.items() if scores}
-
-
-def _one(
-    sequence: Sequence, make_tracker: MakeTracker, args: argparse.Namespace, renderer: Renderer
-) -> Score | None:
-    """Track one sequence, write what was asked for, and score it."""
-    from ..datasets.video import open_frames
-    from ..evaluation.benchmark import gather, run_sequence, score_track
-
-    path = None if args.output is None else new_folder(args.output) / f"{sequence.name}.csv"
-    steps = run_sequence(sequence, make_tracker)
-    length = open_frames(sequence.frames).length
-    watched = progress(steps, None if length is None else length - 1, sequence.name)
-    rows = gather(sequence, _watched(sequence, watched, args, renderer), path)
-    found = score_track(sequence, rows)
-    if found is None:
-        note(f"{sequence.name}: one true pose is too few to score.")
-    return found
-
-
-def _watched(
-    sequence: Sequence, steps: Iterator[Step], args: argparse.Namespace, renderer: Renderer
-) -> Iterator[Step]:
-    """The same steps; failures are said on stderr and, if asked for, all is drawn into a video."""
-    from ..geometry.mesh import Mesh
-    from ..visualization.video import VideoWriter
-    from .drawing import draw_step
-
-    mesh = Mesh.load(sequence.mesh, "m")
-    target = args.output / f"{sequence.name}.mp4" if args.overlays else None
-    with nullcontext() if target is None else VideoWriter(target) as movie:
-        for step in complaining(steps, f"{sequence.name}, "):
-            if movie is not None:
-                movie.write(draw_step(step, mesh, sequence.camera, renderer))
-            yield step

@@ -9,6 +9,8 @@ import argparse
 import platform
 import sys
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
     from ..evaluation.rollout import Step
     from ..policies import Policy
     from ..rendering.renderer import Renderer
+
+DATASET_FORMATS = ("folders", "bop", "ycbv", "laval", "rbot")
 
 BAD_INPUT, NO_RENDERING, INTERRUPTED = 2, 3, 130
 
@@ -90,6 +94,17 @@ def add_machine_options(group: Any) -> None:
     )
 
 
+def add_jobs_options(parser: argparse.ArgumentParser) -> None:
+    """Where the work is done: here, in several processes, or on a cluster."""
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument(
+        "--jobs", type=positive, default=1, metavar="N", help="processes beside each other"
+    )
+    group.add_argument(
+        "--ray", metavar="ADDRESS", help="Ray cluster to work on: auto, local, ray://HOST:10001"
+    )
+
+
 def positive(text: str) -> int:
     """An option's whole number above zero."""
     try:
@@ -108,13 +123,39 @@ def use_threads(count: int) -> None:
     torch.set_num_threads(count)
 
 
+@dataclass(frozen=True)
+class Setting:
+    """What decides about the loop, as it can be sent to another process or machine."""
+
+    weights: Path | None
+    renderer: str
+    threads: int
+    max_steps: int | None
+
+    @staticmethod
+    def of(args: argparse.Namespace) -> Setting:
+        """By the options of `add_tracking_options`; a weights file is found from anywhere."""
+        weights = None if args.weights is None else args.weights.resolve()
+        return Setting(weights, args.renderer, args.threads, args.max_steps)
+
+
+@lru_cache(maxsize=1)
+def tools(setting: Setting) -> tuple[Policy, Renderer]:
+    """Policy and renderer of a worker process, made once."""
+    return _make_tools(setting.weights, setting.renderer, setting.threads)
+
+
 def set_up(args: argparse.Namespace) -> tuple[Policy, Renderer]:
     """Policy and renderer by the options of `add_tracking_options`."""
+    return _make_tools(args.weights, args.renderer, args.threads)
+
+
+def _make_tools(weights: Path | None, renderer: str, threads: int) -> tuple[Policy, Renderer]:
     from ..policies import load_policy
     from ..rendering.renderer import make_renderer
 
-    use_threads(args.threads)
-    return load_policy(args.weights), make_renderer(args.renderer)
+    use_threads(threads)
+    return load_policy(weights), make_renderer(renderer)
 
 
 def progress(

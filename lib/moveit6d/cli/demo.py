@@ -56,7 +56,6 @@ def run(args: argparse.Namespace) -> int:
     """Make, follow, score."""
     from ..datasets.sequences import read_sequence
     from ..evaluation.tracking import Surface, read_track, score
-    from ..geometry.mesh import Mesh
     from ..synthesis.demo_object import demo_object
     from ..synthesis.sequence import write_sequence
     from . import track
@@ -79,12 +78,14 @@ def run(args: argparse.Namespace) -> int:
         "camera": folder / "camera.json",
         "start": folder / "start.json",
         "output": args.output / "track",
+        "report": None,
+        "rerun": None,
     }
     code = track.run(argparse.Namespace(**given))
     if code:
         return code
     sequence = read_sequence(folder)[0]
-    mesh = Mesh.load(sequence.mesh, "m")
+    mesh = sequence.load_mesh()
     found = read_track(args.output / "track" / "poses.csv")
     print(verdict(score(found, sequence.truth, Surface.of(mesh)), mesh.diameter))
     if not args.no_overlay:

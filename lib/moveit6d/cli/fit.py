@@ -24,6 +24,8 @@ EPILOG = """\
 examples:
   moveit6d fit --config configs/fit/multi_object_correlation.yaml
   moveit6d fit --config configs/fit/multi_object_correlation.yaml --data.batch_size 16
+  moveit6d fit --config configs/fit/object_specific.yaml --config configs/overlay/no_depth.yaml \\
+      --data.meshes FOLDER_OF_ONE_MESH --data.pairs configs/pairs/realistic.yaml
 """
 
 

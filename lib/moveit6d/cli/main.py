@@ -11,7 +11,20 @@ from collections.abc import Callable, Sequence
 
 from .. import __version__
 from ..errors import InputError, RenderingUnavailable
-from . import benchmark, demo, doctor, evaluate, fit, refine, synthesize, track
+from . import (
+    benchmark,
+    contact_sheet,
+    demo,
+    detect,
+    doctor,
+    evaluate,
+    fit,
+    refine,
+    reproduce,
+    synthesize,
+    track,
+    write_pairs,
+)
 from .common import BAD_INPUT, EXIT_CODES, INTERRUPTED, NO_RENDERING, ManualFormatter
 
 DESCRIPTION = """\
@@ -39,7 +52,11 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"moveit6d {__version__}")
     verbs = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
-    for verb in (track, refine, evaluate, benchmark, synthesize, fit, demo, doctor):
+    shown = (
+        track, refine, detect, evaluate, benchmark, reproduce, synthesize, fit, contact_sheet,
+        write_pairs, demo, doctor,
+    )  # fmt: skip
+    for verb in shown:
         verb.add_parser(verbs)
     return parser
 

@@ -8,12 +8,23 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .common import add_tracking_options, add_verb, note, positive, progress, set_up
+from .common import (
+    Setting,
+    add_jobs_options,
+    add_tracking_options,
+    add_verb,
+    note,
+    positive,
+    progress,
+    set_up,
+    tools,
+)
 
 if TYPE_CHECKING:
     from ..datasets.bop import BopDataset, Estimate
@@ -35,6 +46,9 @@ file written:
   --output   the same format; score is the confidence in the refined pose, time the seconds
              spent on the whole image (reading it left out). A pose that cannot be refined
              (out of sight, damaged image) is written as it was given, with score 0
+
+With --jobs N images are shared among N processes; with --ray among the machines of a cluster
+(needs moveit6d[ray], and the data set under the same path everywhere). The poses are the same.
 """
 
 EPILOG = """\
@@ -59,6 +73,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--batch", type=positive, default=32, metavar="N", help="poses of an image at once at most"
     )
+    add_jobs_options(parser)
     add_tracking_options(parser)
     parser.set_defaults(run=run)
 
@@ -66,26 +81,41 @@ def add_parser(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Refine image by image and write what was done, after Ctrl-C too."""
     from ..datasets.bop import BopDataset, by_image, read_results, write_results
+    from ..evaluation.jobs import run_jobs
 
     dataset = BopDataset(args.dataset, args.split)
     initial = read_results(args.initial)
     check(dataset, initial, args.initial)
     policy, renderer = set_up(args)
     images = list(by_image(initial))
+    jobs = [
+        ImageJob(
+            args.dataset.resolve(), args.split, tuple(initial[row] for row in rows),
+            Setting.of(args), args.batch,
+        )
+        for _, rows in images
+    ]  # fmt: skip
+
+    def here(job: ImageJob) -> list[Estimate]:
+        return refine_image(dataset, job, policy, renderer)
+
+    alone = args.jobs == 1 and args.ray is None
+    outcomes = run_jobs(
+        here if alone else work, jobs, jobs=args.jobs, ray=args.ray, cpus=args.threads
+    )
     done: dict[int, Estimate] = {}
     try:
-        for (scene, image), rows in progress(images, len(images), "refine", "image"):
-            given = [initial[row] for row in rows]
-            try:
-                refined = refine_image(dataset, given, policy, renderer, args)
-            except InputError as error:
-                note(f"image {image} of scene {scene}: {error}")
-                refined = [replace(estimate, score=0.0, seconds=0.0) for estimate in given]
+        for outcome in progress(outcomes, len(images), "refine", "image"):
+            (scene, image), rows = images[outcome.index]
+            refined = outcome.result
+            if refined is None:
+                note(f"image {image} of scene {scene}: {outcome.error}")
+                refined = [replace(initial[row], score=0.0, seconds=0.0) for row in rows]
             done.update(zip(rows, refined, strict=True))
     finally:
         if done:
             write_results(args.output, [done[row] for row in sorted(done)])
-    kept = sum(done[row].pose is initial[row].pose for row in done)
+    kept = sum(_same(done[row], initial[row]) for row in done)
     print(f"{len(done)} poses in {len(images)} images, {kept} kept as given: {args.output}")
     return 0
 
@@ -103,24 +133,45 @@ def check(dataset: BopDataset, estimates: Sequence[Estimate], file: Path) -> Non
             raise InputError(f"{file}, row {number}: {error}") from error
 
 
+@dataclass(frozen=True)
+class ImageJob:
+    """The poses in one image and all that decides about them; can be sent to another process."""
+
+    root: Path
+    split: str
+    estimates: tuple[Estimate, ...]
+    setting: Setting
+    batch: int
+
+
+def work(job: ImageJob) -> list[Estimate]:
+    """Do the job in a worker process, which keeps its network and meshes for the next one."""
+    return refine_image(_dataset(job.root, job.split), job, *tools(job.setting))
+
+
+@lru_cache(maxsize=1)
+def _dataset(root: Path, split: str) -> BopDataset:
+    from ..datasets.bop import BopDataset
+
+    return BopDataset(root, split)
+
+
 def refine_image(
-    dataset: BopDataset,
-    estimates: Sequence[Estimate],
-    policy: Policy,
-    renderer: Renderer,
-    args: argparse.Namespace,
+    dataset: BopDataset, job: ImageJob, policy: Policy, renderer: Renderer
 ) -> list[Estimate]:
     """Refine the poses in one image; all of them carry the seconds of the whole image."""
     from ..estimation import Target
 
+    estimates = job.estimates
     scene, image = estimates[0].scene, estimates[0].image
     picture = dataset.image(scene, image)
     camera = dataset.camera(scene, image, (picture.shape[1], picture.shape[0]))
     start = time.perf_counter()
     targets = [Target(picture, camera, dataset.mesh(e.object), e.pose) for e in estimates]
     results: list[TrackingResult] = []
-    for first in range(0, len(targets), args.batch):
-        results += _refine(targets[first : first + args.batch], policy, renderer, args.max_steps)
+    for first in range(0, len(targets), job.batch):
+        some = targets[first : first + job.batch]
+        results += _refine(some, policy, renderer, job.setting.max_steps)
     seconds = time.perf_counter() - start
     refined = []
     for estimate, result in zip(estimates, results, strict=True):
@@ -132,6 +183,14 @@ def refine_image(
                 replace(estimate, pose=result.pose, score=result.confidence, seconds=seconds)
             )
     return refined
+
+
+def _same(refined: Estimate, given: Estimate) -> bool:
+    """Whether the pose was kept; one that a worker sent is another object with its numbers."""
+    return refined.score == 0.0 and bool(
+        (refined.pose.rotation == given.pose.rotation).all()
+        and (refined.pose.translation == given.pose.translation).all()
+    )
 
 
 def _refine(

@@ -1,4 +1,4 @@
-"""`moveit6d synthesize`: makes sequences with known true poses.
+"""`moveit6d synthesize`: makes sequences with known true poses, in several formats.
 
 Never tracks them.
 """
@@ -10,43 +10,68 @@ import itertools
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..errors import InputError
 from .common import add_verb, positive, progress_bar
 
 if TYPE_CHECKING:
     from ..datasets.video import Image
+    from ..geometry.mesh import Mesh
 
 DESCRIPTION = """\
-Renders an object in hand-like motion in front of a moving background, with motion blur,
-changing light, things passing in front, noise and JPEG, and writes the true pose of every
-frame. The result is what `moveit6d benchmark tracking` and `moveit6d track` read.
+Renders objects in hand-like motion in front of a moving background, with motion blur,
+changing light, things passing in front and noise, and writes the true pose of every frame.
+The result is what `moveit6d benchmark tracking`, `track` and `reproduce` read. `moveit6d
+synthesize sequence` is the same.
 
 levels: easy (slow, never covered), occ (slow, covered at times), medium, fast (up to 24 pixels
 and 10 degrees a frame, blurred), hard (fast, covered, changing light, cluttered background)
 
-files written to --output (with --count 2 or more: to --output/<level>_<nn>):
-  frames/000000.jpg ..., camera.json, mesh.glb, start.json, poses.csv (the truth), info.json
+formats (docs/formats.md):
+  folders  one sequence folder; with --count 2 or more: <level>_<nn>. Files: frames/000000.jpg
+           ..., camera.json, mesh.glb, start.json, poses.csv (the truth), info.json
+  laval    a stand-in for the Laval data set: for every object OBJECT_occlusion_0 and, for each
+           other --occlusion, one sequence with a board in front from below (h) and one from a
+           side (v), which hides that share of the object in every frame
+  ycbv     a stand-in for YCB-Video as published: --count scenes, in each of which all objects
+           lie about one of them before a moving camera
+A stand-in says so in stand_in.json; visible_fraction.csv has what is seen of each object.
 """
 
 EPILOG = """\
 examples:
   moveit6d synthesize --output clip --level medium --seed 3
   moveit6d synthesize --output set --mesh drill.glb --mesh_unit m --level hard --count 4
+  moveit6d synthesize sequence --format laval --output laval --mesh boot.glb mug.glb
+  moveit6d synthesize sequence --format ycbv --output ycbv --count 3 --frames 60 --level easy
 """
 
 LEVELS = ("easy", "occ", "medium", "fast", "hard")
+FORMATS = ("folders", "laval", "ycbv")
 PHOTOS = 200  # pictures of a folder that are used at most
+MADE_OBJECTS = 4  # of a stand-in without --mesh
 
 
 def add_parser(verbs: Any) -> None:
     """Add the verb."""
     parser = add_verb(verbs, "synthesize", "make sequences with true poses", DESCRIPTION, EPILOG)
+    parser.add_argument("what", nargs="?", choices=("sequence",), default="sequence",
+                        help=argparse.SUPPRESS)  # fmt: skip
     parser.add_argument("--output", type=Path, required=True, metavar="DIR", help="new folder")
-    parser.add_argument("--mesh", type=Path, metavar="FILE", help="object instead of a made one")
-    parser.add_argument("--mesh_unit", choices=("m", "mm"), default="m", help="the mesh's unit")
+    parser.add_argument("--format", choices=FORMATS, default="folders", help="how it is stored")
+    parser.add_argument(
+        "--mesh", type=Path, nargs="+", metavar="FILE", help="objects instead of made ones"
+    )
+    parser.add_argument("--mesh_unit", choices=("m", "mm"), default="m", help="the meshes' unit")
     parser.add_argument("--level", choices=LEVELS, default="medium", help="how hard it is")
     parser.add_argument("--frames", type=positive, default=120, metavar="N", help="length")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same clip")
-    parser.add_argument("--count", type=positive, default=1, metavar="N", help="sequences")
+    parser.add_argument(
+        "--count", type=positive, default=1, metavar="N", help="sequences, or scenes for ycbv"
+    )
+    parser.add_argument(
+        "--occlusion", type=int, nargs="+", metavar="PERCENT",
+        help="shares of the object that are hidden, for laval (default: 0 15 30 45)",
+    )  # fmt: skip
     parser.add_argument(
         "--photos", type=Path, metavar="DIR", help="pictures for backgrounds instead of made ones"
     )
@@ -57,30 +82,34 @@ def run(args: argparse.Namespace) -> int:
     """Make the sequences."""
     from ..datasets.video import open_frames
 
+    if args.occlusion is not None and args.format != "laval":
+        raise InputError("--occlusion is for --format laval; other formats go by --level.")
+    if args.count > 1 and args.format == "laval":
+        raise InputError("--count is not for --format laval; give more meshes or levels.")
     photos = None
     if args.photos is not None:
         found = itertools.islice(open_frames(args.photos), PHOTOS)
         photos = [frame.image for frame in found if frame.image is not None]
+    if args.format != "folders":
+        make_stand_in(args, photos)
+        print(args.output)
+        return 0
     for number in range(args.count):
         alone = args.count == 1
         folder = args.output if alone else args.output / f"{args.level}_{number:02d}"
-        make(args, folder, args.seed + number, photos)
+        make_folder(args, folder, number, photos)
         print(folder)
     return 0
 
 
-def make(args: argparse.Namespace, folder: Path, seed: int, photos: list[Image] | None) -> None:
-    """Make one sequence."""
-    import numpy as np
-
-    from ..geometry.mesh import Mesh
+def make_folder(
+    args: argparse.Namespace, folder: Path, number: int, photos: list[Image] | None
+) -> None:
+    """Make one sequence folder, of the given meshes in turn."""
     from ..synthesis.sequence import write_sequence
-    from ..synthesis.shapes import random_object
 
-    if args.mesh is not None:
-        mesh = Mesh.load(args.mesh, args.mesh_unit)
-    else:
-        mesh = random_object(np.random.default_rng(seed))
+    seed = args.seed + number
+    mesh = _mesh(args, number % len(args.mesh) if args.mesh else seed)
     with progress_bar(args.frames, folder.name) as bar:
         write_sequence(
             folder,
@@ -91,3 +120,41 @@ def make(args: argparse.Namespace, folder: Path, seed: int, photos: list[Image] 
             photos=photos,
             on_frame=lambda _: bar.update(),
         )
+
+
+def make_stand_in(args: argparse.Namespace, photos: list[Image] | None) -> None:
+    """Make a whole data set in the format of a published one."""
+    from ..synthesis import stand_ins
+
+    count = len(args.mesh) if args.mesh else MADE_OBJECTS
+    objects: dict[str, Mesh] = {}
+    for number in range(count):
+        mesh = _mesh(args, number if args.mesh else args.seed + number)
+        name = stand_ins.object_name(mesh)
+        objects[name if name not in objects else f"{name}_{number}"] = mesh
+    levels = args.occlusion if args.occlusion is not None else stand_ins.OCCLUSIONS
+    laval = args.format == "laval"
+    sequences = count * len(stand_ins.laval_kinds(levels)) if laval else args.count
+    with progress_bar(args.frames * sequences, args.format) as bar:
+        making = stand_ins.Making(
+            args.frames, args.level, args.seed, photos, on_frame=lambda *_: bar.update()
+        )
+        if laval:
+            stand_ins.write_laval_stand_in(args.output, objects, making, levels)
+        else:
+            # Another object in the middle of every scene.
+            turns = [[*objects][k % count :] + [*objects][: k % count] for k in range(args.count)]
+            scenes = [{name: objects[name] for name in names} for names in turns]
+            stand_ins.write_ycbv_stand_in(args.output, scenes, making)
+
+
+def _mesh(args: argparse.Namespace, number: int) -> Mesh:
+    """The given mesh with that number or, without one, an object made from that seed."""
+    import numpy as np
+
+    from ..geometry.mesh import Mesh
+    from ..synthesis.shapes import random_object
+
+    if args.mesh:
+        return Mesh.load(args.mesh[number], args.mesh_unit)
+    return random_object(np.random.default_rng(number))

@@ -23,6 +23,7 @@ from .common import (
     versions,
     weights_facts,
 )
+from .reporting import check_report, reporting, rerun_log
 
 if TYPE_CHECKING:
     from ..evaluation.rollout import Record
@@ -47,12 +48,14 @@ files written to --output:
                 one row a frame, empty numbers where there is no pose
   overlay.mp4   outline and axes drawn on the frames (red where the confidence is low)
   summary.json  frames, failed frames, milliseconds, where the track may be lost, versions
+  --report      one HTML page of the run for any browser: curves, pictures, worst frames first
+  --rerun       the run for the rerun viewer (needs: pip install 'moveit6d[rerun]')
 """
 
 EPILOG = """\
 examples:
   moveit6d track --mesh drill.glb --mesh_unit m --video clip.mp4 \\
-      --camera camera.json --start pose.json --output out
+      --camera camera.json --start pose.json --output out --report out/report.html
   moveit6d track --mesh part.stl --mesh_unit mm --video frames/ \\
       --camera camera.json --start pose.json --output out --no_overlay --threads 1
 """
@@ -80,6 +83,8 @@ def add_parser(verbs: Any) -> None:
         "--output", type=Path, required=True, metavar="DIR", help="folder for the results"
     )
     parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
+    parser.add_argument("--rerun", type=Path, metavar="FILE", help="write an .rrd for rerun")
     add_tracking_options(parser)
     parser.set_defaults(run=run)
 
@@ -87,7 +92,7 @@ def add_parser(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Track and write."""
     from ..datasets.files import PoseWriter, read_camera, read_pose
-    from ..datasets.video import open_frames
+    from ..datasets.video import LiveCamera, Prefetched, open_frames
     from ..estimation import PoseTracker
     from ..evaluation.rollout import Record, follow
     from ..geometry.mesh import Mesh
@@ -96,6 +101,7 @@ def run(args: argparse.Namespace) -> int:
     mesh = Mesh.load(args.mesh, args.mesh_unit)
     camera, start = read_camera(args.camera), read_pose(args.start)
     frames = open_frames(args.video)
+    check_report(args.report, frames)
     policy, renderer = set_up(args)
     tracker = PoseTracker(
         mesh, camera, start, policy=policy, renderer=renderer, max_steps=args.max_steps
@@ -104,16 +110,32 @@ def run(args: argparse.Namespace) -> int:
     record = Record()
     with (
         _summary(output / "summary.json", record, args),
+        reporting(args.report, _about(args), mesh, camera, frames, renderer) as page,
         PoseWriter(output / "poses.csv") as table,
         _movie(output / "overlay.mp4", frames.fps, args.no_overlay) as movie,
+        rerun_log(args.rerun, mesh, camera) as log,
     ):
-        steps = follow(tracker, progress(frames, frames.length, "track"))
-        for step in complaining(steps):
+        # A camera read ahead would show the past.
+        ahead = frames if isinstance(frames, LiveCamera) else Prefetched(frames)
+        watched = progress(ahead, frames.length, "track")
+        for step in complaining(follow(tracker, watched)):
             table.write(step.row)
             record.add(step)
+            page.add(step)
             if movie is not None:
                 movie.write(draw_step(step, mesh, camera, renderer))
+            if log is not None:
+                log.write(step.frame, step.row, step.error)
     return _verdict(record, output)
+
+
+def _about(args: argparse.Namespace) -> dict[str, str]:
+    """What a report says of the command."""
+    return {
+        "object": str(args.mesh), "video": str(args.video), "start": str(args.start),
+        **{name: str(value) for name, value in weights_facts(args.weights).items()},
+        "moveit6d": versions()["moveit6d"],
+    }  # fmt: skip
 
 
 @contextmanager

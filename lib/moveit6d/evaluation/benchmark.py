@@ -1,40 +1,46 @@
-"""Runs a tracker through whole sequences without reset and compares it with others' results.
+"""Runs a tracker through whole sequences and compares it with others' results.
 
-Never shows the tracker a true pose but that of the first frame, and gives every sequence a fresh
-tracker.
+Never shows the tracker a true pose but that of the first frame and those that a protocol of resets
+gives it, and gives every sequence a fresh tracker.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..datasets.files import RESULT_COLUMNS, PoseRow, PoseWriter
 from ..datasets.sequences import Sequence
-from ..datasets.video import Frame, open_frames
+from ..datasets.video import Frame
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from .rollout import Step, follow
+from .protocols import NO_RESET, Protocol, follow_protocol, is_given
+from .rollout import Step
 from .tracking import Score, Surface, read_track, score
 
 if TYPE_CHECKING:
     from ..estimation import PoseTracker
 
 MakeTracker = Callable[[Mesh, Camera, Pose], "PoseTracker"]
+# Of our own tracks: what every result has, and what a report of it needs.
+OWN_COLUMNS = (*RESULT_COLUMNS, "steps", "stopped_by", "confidence", "reset")
 
 
-def run_sequence(sequence: Sequence, make_tracker: MakeTracker) -> Iterator[Step]:
+def run_sequence(
+    sequence: Sequence, make_tracker: MakeTracker, protocol: Protocol = NO_RESET
+) -> Iterator[Step]:
     """Track one sequence from its start pose: one step for each frame after the first.
 
     The first frame's pose is given and exact, so that the tracker never sees that frame.
     """
-    mesh = Mesh.load(sequence.mesh, "m")
-    tracker = make_tracker(mesh, sequence.camera, sequence.start)
-    yield from follow(tracker, _after(sequence, open_frames(sequence.frames)))
+    tracker = make_tracker(sequence.load_mesh(), sequence.camera, sequence.start)
+    frames = _after(sequence, sequence.open())
+    yield from follow_protocol(tracker, frames, sequence.truth, protocol)
 
 
 def gather(sequence: Sequence, steps: Iterable[Step], path: Path | None) -> dict[int, PoseRow]:
@@ -43,7 +49,7 @@ def gather(sequence: Sequence, steps: Iterable[Step], path: Path | None) -> dict
     The first row is the given start, without a time.
     """
     rows = {sequence.first: PoseRow(frame=sequence.first, pose=sequence.start)}
-    with nullcontext() if path is None else PoseWriter(path, RESULT_COLUMNS) as table:
+    with nullcontext() if path is None else PoseWriter(path, OWN_COLUMNS) as table:
         if table is not None:
             table.write(rows[sequence.first])
         for step in steps:
@@ -53,17 +59,43 @@ def gather(sequence: Sequence, steps: Iterable[Step], path: Path | None) -> dict
     return rows
 
 
-def score_track(sequence: Sequence, rows: dict[int, PoseRow]) -> Score | None:
-    """The figures of one track; None for a sequence with fewer than two true poses."""
-    if len(sequence.truth) < 2:
+def scored_truth(
+    sequence: Sequence, rows: Mapping[int, PoseRow], count_resets: bool = False
+) -> dict[int, Pose]:
+    """The true poses that a track is scored against: the first, and those of the frames that count.
+
+    Only the sequence's keyframes count, where it has any; frames whose pose a protocol gave count
+    only with `count_resets`, as their error is 0 by definition.
+    """
+    keys, given = sequence.keyframes, {frame for frame, row in rows.items() if is_given(row)}
+    first = min(sequence.truth)
+    return {
+        frame: pose
+        for frame, pose in sequence.truth.items()
+        if frame == first
+        or ((keys is None or frame in keys) and (count_resets or frame not in given))
+    }
+
+
+def score_track(
+    sequence: Sequence, rows: dict[int, PoseRow], count_resets: bool = False
+) -> Score | None:
+    """The figures of one track; None where fewer than two true poses count (`scored_truth`)."""
+    truth = scored_truth(sequence, rows, count_resets)
+    if len(truth) < 2:
         return None
-    return score(rows, sequence.truth, Surface.of(Mesh.load(sequence.mesh, "m")))
+    surface = Surface.of(sequence.load_mesh(), symmetric=sequence.symmetric)
+    # Resets count wherever they were, in frames that are not scored, too.
+    return replace(score(rows, truth, surface), resets=sum(row.reset for row in rows.values()))
 
 
-def score_results(sequences: Iterable[Sequence], path: Path) -> dict[str, Score]:
+def score_results(
+    sequences: Iterable[Sequence], path: Path, count_resets: bool = False
+) -> dict[str, Score]:
     """The figures of the results at `path` by sequence; sequences without a result are left out.
 
     `path` is a folder of <sequence>.csv or <sequence>/poses.csv or, for one sequence, one file.
+    `count_resets` counts frames whose pose was given, too.
     """
     listed = list(sequences)
     if not path.exists():
@@ -75,7 +107,7 @@ def score_results(sequences: Iterable[Sequence], path: Path) -> dict[str, Score]
         name = sequence.name
         places = [path] if path.is_file() else [path / f"{name}.csv", path / name / "poses.csv"]
         file = next((place for place in places if place.exists()), None)
-        found = score_track(sequence, read_track(file)) if file is not None else None
+        found = score_track(sequence, read_track(file), count_resets) if file is not None else None
         if found is not None:
             scores[name] = found
     return scores

@@ -13,13 +13,12 @@ import numpy as np
 
 from ..datasets.files import PoseRow
 from ..datasets.video import Frame
+from ..estimation.hypotheses import DOUBTFUL
 from .metrics import LOST_RUN
 
 if TYPE_CHECKING:
     from ..estimation import PoseTracker
 
-# Below this confidence a pose is taken to be wrong.
-DOUBTFUL = 0.5
 FAILED = "failed"
 KEPT_FAILURES = 100
 

@@ -1,0 +1,94 @@
+"""Train a network on your own mesh, starting from the shipped one, and track with it.
+
+    python examples/train_on_my_mesh.py --output out/mine
+    python examples/train_on_my_mesh.py --mesh drill.glb --photos PICTURES --steps 2000 \\
+        --output out/mine
+
+The shipped network needs no training on an object; this makes it better on yours alone. The whole
+machinery (configurations, resuming, several processors) is `moveit6d fit`, see docs/training.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytorch_lightning as pl
+
+from lightning_modules.callbacks import FigureLine, WeightsExport
+from lightning_modules.pair_data_module import PairDataModule
+from lightning_modules.pose_action_module import PoseActionModule
+from moveit6d import InputError, Mesh, PoseTracker, load_policy
+from moveit6d.networks.weights_file import load_network
+from moveit6d.policies import SHIPPED_WEIGHTS
+from moveit6d.synthesis.demo_object import demo_object
+from moveit6d.synthesis.mesh_file import write_glb
+from moveit6d.synthesis.sequence import Scene
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Prepare the mesh, train, track a clip with what came out."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--mesh", type=Path, help="the object; none: a toy robot")
+    parser.add_argument("--mesh_unit", choices=("m", "mm"), default="m", help="the mesh's unit")
+    parser.add_argument("--photos", type=Path, help="pictures for backgrounds; none: made ones")
+    parser.add_argument("--steps", type=int, default=100, help="batches of training")
+    parser.add_argument("--batch", type=int, default=16, help="pairs a batch")
+    parser.add_argument("--frames", type=int, default=10, help="of the clip that is tracked")
+    parser.add_argument("--output", type=Path, default=Path("out/mine"), help="for the results")
+    parser.add_argument(
+        "--weights", type=Path, default=SHIPPED_WEIGHTS, help="weights to start from"
+    )
+    args = parser.parse_args(arguments)
+
+    # Training reads a folder of meshes; here it holds one, and it is not held out.
+    meshes = args.output / "meshes"
+    meshes.mkdir(parents=True, exist_ok=True)
+    if args.mesh is None:
+        write_glb(meshes / "robot.glb", demo_object())
+    else:
+        shutil.copy(args.mesh, meshes)
+    data = PairDataModule(
+        meshes, args.mesh_unit, holdout=0, photos=args.photos, shapes=0, renew_every=0,
+        batch_size=args.batch, workers=0,
+    )  # fmt: skip
+
+    module = PoseActionModule(
+        load_network(args.weights).network, learning_rate=3e-4, total_steps=args.steps,
+        matching_steps=0,
+    )  # fmt: skip
+    trainer = pl.Trainer(
+        max_steps=args.steps, accelerator="auto", devices=1, gradient_clip_val=5.0,
+        limit_val_batches=0, logger=False, enable_checkpointing=False,
+        enable_progress_bar=False, enable_model_summary=False,
+        callbacks=[FigureLine(10), WeightsExport(args.output, every_n_steps=100)],
+    )  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*does not have many workers.*")
+        trainer.fit(module, datamodule=data)
+
+    # A clip of the object that training has not seen.
+    weights = args.output / "weights.safetensors"
+    mesh = Mesh.load(next(iter(sorted(meshes.iterdir()))), args.mesh_unit)
+    scene = Scene(mesh, seed=5, frames=args.frames, level="easy")
+    shots = [scene.shoot(number) for number in range(args.frames)]
+    tracker = PoseTracker(mesh, scene.camera, shots[0].pose, policy=load_policy(weights))
+    for number, shot in enumerate(shots[1:], 1):
+        found = tracker.update(shot.image)[0].pose
+        if found is not None:
+            error = float((found.translation - shot.pose.translation).norm())
+            print(f"frame {number}: {1000 * error:.1f} mm off")
+    print(f"Use it: moveit6d track --weights {weights} …")
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except InputError as error:
+        sys.exit(f"train_on_my_mesh: {error}")

@@ -1,0 +1,331 @@
+"""`moveit6d benchmark tracking`: whole sequences, here or on many machines, beside rivals.
+
+Never shows the tracker a true pose but the start and what the protocol of resets gives it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+from .common import (
+    DATASET_FORMATS,
+    Setting,
+    add_jobs_options,
+    add_tracking_options,
+    add_verb,
+    new_folder,
+    note,
+    progress,
+    set_up,
+    versions,
+    weights_facts,
+)
+
+if TYPE_CHECKING:
+    from ..datasets.sequences import Sequence
+    from ..evaluation.jobs import Outcome
+    from ..evaluation.tracking import Score
+    from ..policies import Policy
+    from ..rendering.renderer import Renderer
+    from .sequence_job import SequenceJob, Tracked
+
+PROTOCOLS = ("none", "paper", "rbot", "laval")
+
+DESCRIPTION = """\
+Tracks every sequence of a data set from its start pose to its end and prints a Markdown table
+by level, under the rivals' rows if their results are given. Every sequence gets a fresh
+tracker, which never sees a true pose but the start and what the protocol gives. Rivals are
+scored anew from their CSV files. `moveit6d evaluate tracking --help` explains the columns.
+
+protocols (--protocol):
+  none   no reset; what the project's own tables show
+  paper  the true pose is given every 15 frames
+  rbot   set to the true pose after a frame that is more than 5 cm or 5 degrees off
+  laval  the true pose is given after more than 7 frames in a row 3 cm or 20 degrees off
+Frames whose pose was given are not scored, but with --count_resets they are.
+
+files written to --output (nothing without it):
+  <sequence>.csv   frame,r11,...,r33,tx,ty,tz,milliseconds,steps,stopped_by,confidence,reset;
+                   the first row is the start
+  <sequence>.json  how the track was made; written last, so it marks a finished sequence
+  <sequence>.mp4   with --overlays: outline and axes drawn on the frames
+and to --report an HTML page for every sequence, and index.html that leads to them.
+
+many sequences: --jobs N works in N processes; with --ray the same runs on a Ray cluster (needs
+moveit6d[ray] and the data under the same path on every machine). Tracks are the same as in one
+process. A worker that is killed is replaced, and its sequence is done again once. With
+--resume sequences that --output already holds, made with the same settings, are not done
+again. --threads is per process.
+"""
+
+EXAMPLES = """\
+examples:
+  moveit6d benchmark tracking --sequences sequences --rivals rivals --output out/ours
+  moveit6d benchmark tracking --sequences sequences --only easy_00 hard_00 --per_sequence
+  moveit6d benchmark tracking --sequences laval --format laval --protocol paper \\
+      --output out/laval --report out/laval/report --jobs 8 --resume
+"""
+
+
+def add_kind(kinds: Any) -> None:
+    """Add the kind to `moveit6d benchmark`."""
+    parser = add_verb(kinds, "tracking", "track whole sequences beside rivals", DESCRIPTION,
+                      EXAMPLES)  # fmt: skip
+    parser.add_argument("--sequences", type=Path, required=True, metavar="DIR", help="data set")
+    parser.add_argument("--format", choices=DATASET_FORMATS, help="if it is not recognised")
+    parser.add_argument("--rivals", type=Path, metavar="DIR", help="a folder of CSV files a rival")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="only these sequences")
+    parser.add_argument("--per_sequence", action="store_true", help="a row for every sequence, too")
+    parser.add_argument("--name", default="moveit6d", help="name of our row")
+    parser.add_argument(
+        "--protocol", choices=PROTOCOLS, default="none", help="when the true pose is given"
+    )
+    parser.add_argument(
+        "--count_resets", action="store_true", help="score frames whose pose was given, too"
+    )
+    files = parser.add_argument_group("what is written")
+    files.add_argument("--output", type=Path, metavar="DIR", help="where tracks are written")
+    files.add_argument("--overlays", action="store_true", help="write videos to --output, too")
+    files.add_argument("--report", type=Path, metavar="DIR", help="write HTML pages of the runs")
+    files.add_argument("--rerun", type=Path, metavar="DIR", help="write an .rrd a sequence")
+    files.add_argument("--resume", action="store_true", help="go on with what --output holds")
+    add_jobs_options(parser)
+    add_tracking_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Track, score, compare."""
+    for option in ("overlays", "resume"):
+        if getattr(args, option) and args.output is None:
+            raise InputError(f"--{option} needs --output.")
+    sequences = chosen(args)
+    trackers = rivals(args.rivals, sequences)
+    policy, renderer = set_up(args)
+    jobs = [make_job(sequence, args) for sequence in sequences]
+    bench = Bench(args, jobs, policy, renderer)
+    interrupted = False
+    try:
+        bench.work()
+    except KeyboardInterrupt:
+        interrupted = True
+    bench.show(trackers)
+    if interrupted:
+        raise KeyboardInterrupt
+    if bench.errors:
+        lost = ", ".join(bench.errors)
+        again = " --resume goes on with them." if args.output is not None else ""
+        raise InputError(
+            f"{len(bench.errors)} of {len(jobs)} sequences could not be tracked: {lost}.{again}"
+        )
+    return 0
+
+
+def chosen(args: argparse.Namespace) -> list[Sequence]:
+    """The sequences of the data set, or those of them that are wanted."""
+    from ..datasets.catalog import open_dataset
+
+    # Other machines start elsewhere.
+    place = args.sequences if args.ray is None else args.sequences.resolve()
+    found = open_dataset(place, args.format)
+    unknown = set(args.only or ()) - {sequence.name for sequence in found}
+    if unknown:
+        raise InputError(f"{args.sequences} has no sequence {', '.join(sorted(unknown))}.")
+    return [sequence for sequence in found if not args.only or sequence.name in args.only]
+
+
+def rivals(folder: Path | None, sequences: list[Sequence]) -> dict[str, dict[str, Score]]:
+    """Every rival's scores by sequence, from the CSV files in its folder."""
+    from ..evaluation.benchmark import score_results
+
+    if folder is None:
+        return {}
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder; it should hold a folder a rival.")
+    found = {
+        place.name: score_results(sequences, place)
+        for place in sorted(folder.iterdir())
+        if place.is_dir()
+    }
+    return {name: scores for name, scores in found.items() if scores}
+
+
+def make_job(sequence: Sequence, args: argparse.Namespace) -> SequenceJob:
+    """The task for one sequence."""
+    from ..datasets.catalog import stand_in
+    from ..evaluation.protocols import PROTOCOLS as known
+    from .sequence_job import SequenceJob
+
+    facts = {
+        "data": " ".join(filter(None, [str(args.sequences), stand_in(args.sequences)])),
+        "protocol": args.protocol,
+        **{name: str(value) for name, value in weights_facts(args.weights).items()},
+        "moveit6d": versions()["moveit6d"],
+    }
+    return SequenceJob(
+        sequence=sequence,
+        setting=Setting.of(args),
+        protocol=known[args.protocol],
+        count_resets=args.count_resets,
+        movie=args.output / f"{sequence.name}.mp4" if args.overlays else None,
+        log=args.rerun / f"{sequence.name}.rrd" if args.rerun is not None else None,
+        page=args.report is not None,
+        facts=facts,
+    )
+
+
+class Bench:
+    """The sequences of one command: which are done, their scores, what went wrong."""
+
+    def __init__(
+        self, args: argparse.Namespace, jobs: list[SequenceJob], policy: Policy, renderer: Renderer
+    ) -> None:
+        self.args, self.jobs, self.policy, self.renderer = args, jobs, policy, renderer
+        self.levels = {job.sequence.name: job.sequence.level for job in jobs}
+        self.scores: dict[str, Score] = {}
+        self.errors: dict[str, str] = {}
+        if args.output is not None:
+            new_folder(args.output)
+
+    def work(self) -> None:
+        """Do what is not done yet; scores are there as soon as a sequence is finished."""
+        waiting = []
+        for job in self.jobs:
+            rows = self._kept(job) if self.args.resume else None
+            if rows is None:
+                waiting.append(job)
+                self._unmark(job)
+            else:
+                self._finish(job, rows)
+        for outcome in self._outcomes(waiting):
+            job = waiting[outcome.index]
+            if outcome.result is not None:
+                self._finish(job, outcome.result)
+                continue
+            if len(self.jobs) == 1:
+                raise InputError(str(outcome.error))
+            self.errors[job.sequence.name] = str(outcome.error)
+            note(f"{job.sequence.name}: {outcome.error}")
+
+    def show(self, trackers: dict[str, dict[str, Score]]) -> None:
+        """Print the tables, and write the page that leads to the others."""
+        from ..evaluation.tracking import comparison_table, tracking_table
+
+        names = [job.sequence.name for job in self.jobs]
+        ours = {name: self.scores[name] for name in names if name in self.scores}
+        if not ours:
+            return
+        both = {**trackers, self.args.name: ours}
+        tables = [comparison_table(both, self.levels)] if trackers else []
+        own = tracking_table(ours, self.levels, self.args.per_sequence)
+        tables.append(f"{self.args.name}\n\n{own}")
+        print("\n\n".join(tables))
+        if self.args.report is not None:
+            self._index("\n\n".join(tables), ours)
+
+    def _outcomes(self, jobs: list[SequenceJob]) -> Iterator[Outcome[Tracked]]:
+        from ..evaluation.jobs import run_jobs
+        from . import sequence_job
+
+        if self.args.ray is None and self.args.jobs == 1:
+            return run_jobs(self._here, jobs)
+        found = run_jobs(
+            sequence_job.work, jobs, jobs=self.args.jobs, ray=self.args.ray, cpus=self.args.threads
+        )
+        return progress(found, len(jobs), "track", "sequence")
+
+    def _here(self, job: SequenceJob) -> Tracked:
+        from .sequence_job import track_job
+
+        return track_job(job, self.policy, self.renderer, self._file(job, ".csv"), bar=True)
+
+    def _finish(self, job: SequenceJob, found: Tracked) -> None:
+        """Score a track and write what is kept of it, last the mark that it is whole."""
+        from ..datasets.files import replacing, write_json, write_poses
+        from ..evaluation.benchmark import OWN_COLUMNS, score_track
+
+        name = job.sequence.name
+        score = score_track(job.sequence, found.rows, job.count_resets)
+        if score is None:
+            note(f"{name}: one true pose is too few to score.")
+        else:
+            self.scores[name] = score
+        if found.page is not None:
+            with replacing(self.args.report / f"{name}.html") as temporary:
+                temporary.write_text(found.page, encoding="utf-8")
+        table, mark = self._file(job, ".csv"), self._file(job, ".json")
+        if table is None or mark is None:
+            return
+        if self.args.ray is not None or self.args.jobs > 1:  # else it was written row by row
+            rows = [found.rows[frame] for frame in sorted(found.rows)]
+            write_poses(table, rows, OWN_COLUMNS)
+        missing = sum(row.pose is None for row in found.rows.values())
+        facts = {"frames": len(found.rows), "failed": missing, "settings": self._settings(job)}
+        write_json(mark, {**facts, "versions": versions()})
+
+    def _kept(self, job: SequenceJob) -> Tracked | None:
+        """The track that --output holds already, if it is whole and was made the same way."""
+        from ..datasets.files import read_json
+        from ..evaluation.tracking import read_track
+        from .reporting import Gathered
+        from .sequence_job import Tracked, page_of
+
+        table, mark = self._file(job, ".csv"), self._file(job, ".json")
+        if table is None or mark is None or not (table.exists() and mark.exists()):
+            return None
+        if read_json(mark).get("settings") != self._settings(job):
+            return None
+        rows = read_track(table)
+        here = job.page and (self.args.report / f"{job.sequence.name}.html").exists()
+        page = page_of(job, Gathered(rows), self.renderer) if job.page and not here else None
+        return Tracked(rows, page)
+
+    def _unmark(self, job: SequenceJob) -> None:
+        """What is there will be replaced: an older mark must not vouch for half of a new track."""
+        mark = self._file(job, ".json")
+        if mark is not None:
+            mark.unlink(missing_ok=True)
+
+    def _settings(self, job: SequenceJob) -> dict[str, Any]:
+        """What makes two tracks of a sequence the same, as JSON holds it."""
+        return {
+            **weights_facts(self.args.weights),
+            "renderer": job.setting.renderer,
+            "max_steps": job.setting.max_steps,
+            "protocol": job.protocol.name,
+            "first": job.sequence.first,
+            "start": [round(n, 9) for n in job.sequence.start.translation.tolist()],
+        }
+
+    def _file(self, job: SequenceJob, suffix: str) -> Path | None:
+        output: Path | None = self.args.output
+        return None if output is None else output / f"{job.sequence.name}{suffix}"
+
+    def _index(self, text: str, ours: dict[str, Score]) -> None:
+        """The page that leads to those of the sequences, the worst first."""
+        from urllib.parse import quote
+
+        from ..datasets.files import replacing
+        from ..evaluation.tables import percent
+        from ..visualization.report import index_page
+
+        order = sorted(ours, key=lambda name: (ours[name].below_10, -ours[name].mean_add))
+        head = ["sequence", "level", "frames", "ADD<10%d", "mean ADD mm", "lost at", "no pose"]
+        rows = [
+            [
+                (name, f"{quote(name)}.html"), self.levels[name], str(ours[name].frames),
+                percent(ours[name].below_10), f"{1000 * ours[name].mean_add:.1f}",
+                "never" if ours[name].never_lost else str(ours[name].until_lost),
+                str(ours[name].missing),
+            ]
+            for name in order
+        ]  # fmt: skip
+        table = {"heading": "Sequences, the worst first", "head": head, "rows": rows}
+        facts = self.jobs[0].facts
+        verdict = f"{len(ours)} sequences of {facts['data']}, protocol {facts['protocol']}"
+        with replacing(self.args.report / "index.html") as temporary:
+            temporary.write_text(index_page(self.args.name, verdict, text, table), "utf-8")

@@ -1,0 +1,99 @@
+"""`moveit6d contact-sheet`: shows the pairs that a configuration trains on.
+
+Never trains.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .common import add_verb, positive, use_threads
+
+if TYPE_CHECKING:
+    from lightning_modules.pair_data_module import PairDataModule
+
+DESCRIPTION = """\
+Draws training pairs as `moveit6d fit` would with the same configuration, and writes one PNG. Each
+pair is four patches: what the camera sees; the rendering of the start; what the camera sees with
+the outlines of the true pose (green) and of the start (red); and the object's mask, white where it
+can be seen, dark red where something covers it.
+"""
+
+EPILOG = """\
+examples:
+  moveit6d contact-sheet --output sheet.png
+  moveit6d contact-sheet --config configs/fit/multi_object.yaml --output sheet.png \\
+      --set data.pairs=configs/pairs/realistic.yaml --set data.meshes=MESH_FOLDER
+"""
+
+
+def add_parser(verbs: Any) -> None:
+    """Add the verb."""
+    parser = add_verb(
+        verbs, "contact-sheet", "show the pairs that a fit trains on", DESCRIPTION, EPILOG
+    )
+    add_data_options(parser)
+    parser.add_argument("--output", type=Path, required=True, metavar="FILE", help="PNG to write")
+    parser.add_argument("--count", type=positive, default=24, metavar="N", help="pairs")
+    parser.add_argument("--across", type=positive, default=2, metavar="N", help="pairs a row")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same pairs")
+    parser.add_argument(
+        "--cluster",
+        metavar="NAME",
+        help="starts of one_small, one_large, one_large_rest_small, all_small, all_large or near "
+        "alone instead of the configuration's mixture",
+    )
+    parser.set_defaults(run=run)
+
+
+def add_data_options(parser: argparse.ArgumentParser) -> None:
+    """The options of whatever draws pairs by a configuration of `moveit6d fit`."""
+    group = parser.add_argument_group("pairs")
+    group.add_argument(
+        "--config",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="configuration of a fit; several: later ones override (default: the program's own)",
+    )
+    group.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="override one value, as --NAME VALUE does for `moveit6d fit`",
+    )
+
+
+def data_of(args: argparse.Namespace) -> PairDataModule:
+    """The data module by the options of `add_data_options`."""
+    from lightning_modules.cli import read_data
+
+    words = [f"--config={path}" for path in args.config]
+    if not args.config:  # LightningCLI insists on a network, which nobody needs here
+        words.append("--model.network=moveit6d.networks.action_net.ActionNet")
+    return read_data(words + [f"--{word}" for word in args.set])
+
+
+def run(args: argparse.Namespace) -> int:
+    """Draw the pairs and write the picture."""
+    import numpy as np
+    from PIL import Image
+
+    from ..datasets.files import replacing
+    from ..synthesis.contact_sheet import contact_sheet
+
+    use_threads(1)
+    source = data_of(args).source()
+    random = np.random.default_rng(args.seed)
+    photos, meshes = source.load_photos(random), source.load_meshes()
+    meshes += [source.shape(random, photos) for _ in range(source.shapes)]
+    generator = source.generator(random, photos, meshes, source.load_occluders())
+    sheet = contact_sheet(generator.batch(args.count, args.cluster), args.across)
+    with replacing(args.output) as temporary:
+        Image.fromarray(sheet).save(temporary, format="png")
+    print(args.output)
+    return 0

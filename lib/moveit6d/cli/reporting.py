@@ -1,0 +1,129 @@
+"""What verbs that track share about reports: pages of a run, and logs for the rerun viewer.
+
+Never decides what a page looks like; `visualization` does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from ..datasets.files import PoseRow
+    from ..datasets.sequences import Sequence
+    from ..datasets.video import FrameSource
+    from ..evaluation.rollout import Step
+    from ..evaluation.tracking import Score
+    from ..geometry.camera import Camera
+    from ..geometry.mesh import Mesh
+    from ..geometry.pose import Pose
+    from ..rendering.renderer import Renderer
+
+
+@dataclass
+class Gathered:
+    """Rows by frame, and why frames failed, as a report needs them."""
+
+    rows: dict[int, PoseRow] = field(default_factory=dict)
+    failures: dict[int, str] = field(default_factory=dict)
+
+    def add(self, step: Step) -> None:
+        """Take note of one more frame."""
+        self.rows[step.row.frame] = step.row
+        if step.error is not None:
+            self.failures[step.row.frame] = step.error
+
+
+def check_report(path: Path | None, frames: FrameSource) -> None:
+    """Refuse a report of a live camera, whose frames cannot be seen again."""
+    from ..datasets.video import LiveCamera
+
+    if path is not None and isinstance(frames, LiveCamera):
+        raise InputError(
+            "--report reads the video a second time, which a camera does not allow; record it "
+            "first, or use --rerun."
+        )
+
+
+@contextmanager
+def reporting(
+    path: Path | None,
+    facts: Mapping[str, str],
+    mesh: Mesh,
+    camera: Camera,
+    frames: FrameSource,
+    renderer: Renderer,
+) -> Iterator[Gathered]:
+    """Gather steps and write the page when the block ends, however it ends, if there was a frame.
+
+    Nothing but gathering without a path.
+    """
+    from ..estimation.hypotheses import DOUBTFUL
+
+    gathered = Gathered()
+    try:
+        yield gathered
+    finally:
+        if path is not None and gathered.rows:
+            from ..visualization.report import Run, write_report
+
+            missing = sum(row.pose is None for row in gathered.rows.values())
+            run = Run(
+                title=mesh.name,
+                verdict=f"{len(gathered.rows)} frames, {missing} without a pose",
+                mesh=mesh, camera=camera, frames=frames, rows=gathered.rows, facts=facts,
+                failures=gathered.failures, doubtful=DOUBTFUL,
+            )  # fmt: skip
+            write_report(path, run, renderer)
+
+
+def rerun_log(
+    path: Path | None, mesh: Mesh, camera: Camera, truth: Mapping[int, Pose] | None = None
+) -> AbstractContextManager[Any]:
+    """A log for the rerun viewer; None in its place without a path."""
+    if path is None:
+        return nullcontext()
+    from ..visualization.rerun_log import RerunLog
+
+    return RerunLog(path, mesh, camera, truth)
+
+
+def sequence_page(
+    sequence: Sequence,
+    gathered: Gathered,
+    truth: Mapping[int, Pose],
+    score: Score | None,
+    facts: Mapping[str, str],
+    renderer: Renderer,
+) -> str:
+    """The page of one sequence; errors are against `truth`, the first of which is not counted."""
+    from ..estimation.hypotheses import DOUBTFUL
+    from ..evaluation.tracking import Surface, frame_errors
+    from ..visualization.report import Run, report_page
+
+    mesh = sequence.load_mesh()
+    surface = Surface.of(mesh, symmetric=sequence.symmetric)
+    errors = frame_errors(gathered.rows, truth, surface)
+    run = Run(
+        title=sequence.name,
+        verdict="too few true poses to score" if score is None else verdict(score),
+        mesh=mesh, camera=sequence.camera, frames=sequence.open(), rows=gathered.rows,
+        facts=facts, truth=sequence.truth, errors={error.frame: error for error in errors},
+        failures=gathered.failures, doubtful=DOUBTFUL,
+    )  # fmt: skip
+    return report_page(run, renderer)
+
+
+def verdict(score: Score) -> str:
+    """A track's figures in one line."""
+    held = "never lost" if score.never_lost else f"lost at frame {score.until_lost}"
+    resets = f", {score.resets} resets" if score.resets else ""
+    return (
+        f"ADD < 10 % d in {100 * score.below_10:.1f} % of {score.frames} frames, "
+        f"mean {1000 * score.mean_add:.1f} mm, {held}{resets}"
+    )

@@ -1,0 +1,307 @@
+"""`moveit6d reproduce`: the paper's tables and figures, ours beside the printed ones.
+
+Never computes a figure itself; `evaluation.reproduce` does.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+from .common import (
+    DATASET_FORMATS,
+    add_tracking_options,
+    add_verb,
+    complaining,
+    new_folder,
+    note,
+    positive,
+    progress,
+    set_up,
+    versions,
+    weights_facts,
+)
+from .reproduce_pages import DESCRIPTION, EPILOG, KINDS
+
+if TYPE_CHECKING:
+    from ..datasets.sequences import Sequence
+    from ..evaluation.reproduce.outcome import Outcome
+    from ..evaluation.reproduce.tracks import Track
+    from ..evaluation.rollout import Step
+    from ..policies import Policy
+    from ..rendering.renderer import Renderer
+
+
+def add_parser(verbs: Any) -> None:
+    """Add the verb."""
+    parser = add_verb(
+        verbs, "reproduce", "the paper's tables and figures on a data set", DESCRIPTION, EPILOG
+    )
+    kinds = parser.add_subparsers(title="names", metavar="NAME", required=True)
+    for name, (summary, text, example) in KINDS.items():
+        epilog = f"examples:\n  moveit6d reproduce {name} {example}\n"
+        one = add_verb(kinds, name, summary, text, epilog)
+        one.add_argument(
+            "--data", type=Path, required=name != "runtime", metavar="DIR", help="data set"
+        )
+        one.add_argument(
+            "--format", choices=DATASET_FORMATS, help="its format, if it is not recognised",
+        )  # fmt: skip
+        one.add_argument("--output", type=Path, required=True, metavar="DIR", help="for results")
+        one.add_argument("--only", nargs="+", metavar="NAME", help="sequences or objects")
+        one.add_argument(
+            "--frames", type=positive, metavar="N",
+            help="of a sequence: the first N of a track, else N spread evenly",
+        )  # fmt: skip
+        one.add_argument(
+            "--mode", choices=("single", "all_axes"),
+            help="single actions as in the paper, or all axes at once; default: the network's own"
+            + (", here single" if name == "convergence" else ""),
+        )  # fmt: skip
+        _add_own(one, name)
+        add_tracking_options(one)
+        one.set_defaults(run=run, name=name)
+
+
+def _add_own(parser: argparse.ArgumentParser, name: str) -> None:
+    """The options of one kind."""
+    if name == "laval":
+        parser.add_argument(
+            "--no_depth_weights", type=Path, metavar="FILE", help="weights of a model without depth"
+        )
+    if name == "convergence":
+        parser.add_argument(
+            "--m", type=int, nargs="+", metavar="M", help="values of m (default: 0 to 45)"
+        )
+        parser.add_argument("--reading", choices=("formula", "total"), help="only this reading")
+    if name == "runtime":
+        parser.add_argument(
+            "--repeats", type=positive, default=512, metavar="N", help="cycles that are timed"
+        )
+    if name == "attention":
+        parser.add_argument(
+            "--checkpoints", type=Path, nargs="+", default=[], metavar="FILE", help="weights files"
+        )
+    if name == "detection":
+        parser.add_argument(
+            "--sinks", type=positive, default=3, metavar="N", help="sinks looked into (paper: 1)"
+        )
+        parser.add_argument(
+            "--poses", type=positive, default=4, metavar="N", help="seeded poses (paper: 1)"
+        )
+        parser.add_argument(
+            "--rotations", type=positive, default=60, metavar="N", help="of the coarse grid"
+        )
+        parser.add_argument(
+            "--sizes", type=float, nargs="+", default=[0.13, 0.2, 0.3], metavar="SHARE",
+            help="widths of the object to try, in shares of the image's shorter side",
+        )  # fmt: skip
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run one reproduction, print it and write its files."""
+    from ..evaluation.reproduce.outcome import write_outcome
+    from ..visualization.plots import draw
+
+    outcome = RUNS[args.name](args)
+    print(outcome.markdown())
+    folder = new_folder(args.output)
+    write_outcome(outcome, folder)
+    for chart in outcome.charts:
+        draw(chart, folder)
+    note(f"written to {folder}.")
+    return 0
+
+
+def _opened(args: argparse.Namespace) -> tuple[list[Sequence], str]:
+    """The sequences, and what the data is in words."""
+    from ..datasets.catalog import open_dataset, recognise
+    from ..evaluation.reproduce.data import choose, describe
+
+    if not args.data.is_dir():
+        raise InputError(f"{args.data} is not a folder; it should hold a data set.")
+    kind = args.format or recognise(args.data)
+    return choose(open_dataset(args.data, kind), args.only), describe(args.data, kind)
+
+
+def _tools(
+    args: argparse.Namespace, weights: Path | None, mode: str | None
+) -> tuple[Policy, Renderer]:
+    from ..policies import MoveMode
+
+    policy, renderer = set_up(argparse.Namespace(**{**vars(args), "weights": weights}))
+    if mode is not None:
+        policy.mode = MoveMode(mode)
+    return policy, renderer
+
+
+def _facts(args: argparse.Namespace, policy: Policy, weights: Path | None) -> dict[str, Any]:
+    """What decides the numbers; no places on this machine."""
+    return {
+        **weights_facts(weights),
+        "mode": policy.mode.value,
+        "renderer": args.renderer,
+        "max_steps": args.max_steps,
+        "only": sorted(args.only or []),
+        "versions": versions(),
+    }
+
+
+def _watched(video: Sequence, steps: Iterator[Step]) -> Iterator[Step]:
+    watched: Iterator[Step] = progress(steps, len(video.truth), video.name)
+    return complaining(watched, f"{video.name}, ")
+
+
+def _tracks(
+    args: argparse.Namespace, videos: list[Sequence], weights: Path | None, place: str = "tracks"
+) -> tuple[Iterator[Track], dict[str, Any]]:
+    """Tracks under the paper's protocol, kept in the output folder, and the settings."""
+    from ..estimation import PoseTracker
+    from ..evaluation.protocols import PAPER
+    from ..evaluation.reproduce.tracks import Setting, run_tracks
+
+    policy, renderer = _tools(args, weights, args.mode)
+    limit = args.max_steps or PAPER.max_steps
+    facts = {**_facts(args, policy, weights), "max_steps": limit, "protocol": PAPER.name}
+
+    def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker:
+        return PoseTracker(mesh, camera, start, policy=policy, renderer=renderer, max_steps=limit)
+
+    kept = {k: v for k, v in facts.items() if k not in ("only", "versions")}
+    kept["data"] = args.data.resolve().name
+    folder = new_folder(args.output) / place
+    setting = Setting(make_tracker, lambda _: PAPER, kept, folder, args.frames)
+    return run_tracks(videos, setting, _watched), facts
+
+
+def _ycb(args: argparse.Namespace) -> Outcome:
+    from ..evaluation.reproduce import ycb
+
+    videos, data = _opened(args)
+    tracks, facts = _tracks(args, videos, args.weights)
+    scores = ycb.measure(tracks)
+    if not scores.plain:
+        raise InputError(f"{args.data}: no sequence has a frame to score.")
+    make = ycb.add_outcome if args.name == "ycb_add" else ycb.auc_outcome
+    return make(scores, data, facts)
+
+
+def _laval(args: argparse.Namespace) -> Outcome:
+    from ..evaluation import paper
+    from ..evaluation.reproduce import laval
+
+    videos, data = _opened(args)
+    videos = laval.occlusion_videos(videos)
+    weights = {paper.LAVAL_MODELS[0]: (args.weights, "tracks")}
+    if args.no_depth_weights is not None:
+        weights[paper.LAVAL_MODELS[1]] = (args.no_depth_weights, "tracks_no_depth")
+    models: dict[str, laval.Figures] = {}
+    facts: dict[str, Any] = {}
+    for model, (file, place) in weights.items():
+        tracks, mine = _tracks(args, videos, file, place)
+        models[model] = laval.measure(tracks)
+        facts = {**facts, model: mine} if facts else mine
+    return laval.outcome(models, data, facts)
+
+
+def _convergence(args: argparse.Namespace) -> Outcome:
+    from ..evaluation.reproduce import convergence
+
+    videos, data = _opened(args)
+    policy, renderer = _tools(args, args.weights, args.mode or "single")
+    readings = tuple(convergence.Reading) if args.reading is None else (args.reading,)
+    given: dict[str, Any] = {} if args.m is None else {"ms": tuple(args.m)}
+    given |= {} if args.max_steps is None else {"max_steps": args.max_steps}
+    plan = convergence.Plan(
+        readings=tuple(map(convergence.Reading, readings)), frames=args.frames, **given
+    )
+    trials = []
+    for video in videos:
+        runs = convergence.run(video, policy, renderer, plan)
+        number = len(convergence.frames_of(video, plan))
+        for found in progress(runs, number, video.name):
+            trials += found
+    facts = {**_facts(args, policy, args.weights), "step": plan.step, "max_steps": plan.max_steps}
+    return convergence.outcome(trials, data, facts)
+
+
+def _runtime(args: argparse.Namespace) -> Outcome:
+    from ..evaluation.cycle import WARM_UP, time_cycle
+    from ..evaluation.reproduce import runtime
+    from ..synthesis.demo_object import demo_object
+
+    tracks: list[Track] = []
+    data = "stand-in (an object made by the library)"
+    mesh = demo_object() if args.data is None else None
+    if args.data is not None:
+        videos, data = _opened(args)
+        mesh = videos[0].load_mesh()
+        found, _ = _tracks(args, videos, args.weights)
+        tracks = list(found)
+    assert mesh is not None
+    policy, renderer = _tools(args, args.weights, args.mode)
+    count = args.repeats + WARM_UP
+    times = time_cycle(mesh, policy, renderer, progress(range(count), count, "cycle", "cycle"))
+    facts = {**_facts(args, policy, args.weights), "object": mesh.name, "faces": len(mesh.faces),
+             "threads": args.threads, "cycles": args.repeats}  # fmt: skip
+    return runtime.outcome(times, tracks, data, facts)
+
+
+def _attention(args: argparse.Namespace) -> Outcome:
+    from ..evaluation.reproduce import attention
+    from ..networks.weights_file import load_network
+    from ..policies import load_policy
+
+    videos, data = _opened(args)
+    policy, renderer = _tools(args, args.weights, args.mode)
+    policies: dict[str, Policy] = {}
+    for path in args.checkpoints:
+        steps = load_network(path).facts.get("steps")
+        policies[path.stem if steps is None else f"{steps} steps"] = load_policy(path)
+    policies["model"] = policy
+    cases = attention.patches(videos, args.frames or 1, renderer)
+    return attention.outcome(cases, policies, data, _facts(args, policy, args.weights))
+
+
+def _detection(args: argparse.Namespace) -> Outcome:
+    from ..estimation import PoseDetector, SearchConfig
+    from ..evaluation.reproduce import detection
+
+    videos, data = _opened(args)
+    policy, renderer = _tools(args, args.weights, args.mode)
+    search = SearchConfig(tuple(args.sizes), args.poses, args.sinks, args.rotations)
+    detectors = {
+        video.name: PoseDetector(
+            video.load_mesh(), video.camera, judge="steps", search=search, policy=policy,
+            renderer=renderer, max_steps=args.max_steps,
+        )
+        for video in videos
+    }  # fmt: skip
+    trials, example = [], None
+    frames = args.frames or 1
+    runs = detection.run(videos, detectors, frames)
+    for trial, image, found in progress(runs, frames * len(videos), "detect"):
+        trials.append(trial)
+        if example is None:
+            video = next(one for one in videos if one.name == trial.video)
+            curve = detection.turned_starts(detectors[video.name], image, video.truth[trial.frame])
+            example = detection.Example(image, found, detection.TURNS, *curve)
+    if example is None:
+        raise InputError(f"{args.data}: no frame with a true pose could be read.")
+    limit = next(iter(detectors.values())).max_steps
+    facts = {**_facts(args, policy, args.weights), "max_steps": limit, "search": vars(search)}
+    return detection.outcome(trials, example, data, facts)
+
+
+RUNS: Mapping[str, Callable[[argparse.Namespace], Outcome]] = {
+    "ycb_add": _ycb,
+    "ycb_auc": _ycb,
+    "laval": _laval,
+    "convergence": _convergence,
+    "runtime": _runtime,
+    "attention": _attention,
+    "detection": _detection,
+}

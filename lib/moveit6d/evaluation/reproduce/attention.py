@@ -1,0 +1,132 @@
+"""The paper's attention figure: where networks of different training look in the same patches.
+
+Never trains: the networks come as weights files, each one column.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from ...actions import PoseAction
+from ...datasets.sequences import Sequence as Video
+from ...estimation.frame import prepare_frame
+from ...geometry.crop import PATCH_SIZE, crop_patch, look_at
+from ...geometry.pose import Pose
+from ...observation import Observation, observe
+from ...policies import Policy, Situation
+from ...rendering.renderer import Renderer
+from .. import paper
+from .convergence import Plan, frames_of
+from .outcome import Cell, Outcome, Panel, Sheet, Table
+
+OFFSET = (6.0, -4.0, 3.0, 4.0, -5.0, 6.0)  # counts of the start from the truth
+
+
+@dataclass(frozen=True)
+class Patch:
+    """One case: what the policy sees, and where it stands."""
+
+    name: str
+    seen: Observation
+    situation: Situation
+
+
+def patches(videos: Sequence[Video], frames: int, renderer: Renderer) -> list[Patch]:
+    """`frames` cases of every sequence, a little away from the truth."""
+    found = []
+    for video in videos:
+        mesh = video.load_mesh()
+        wanted = frames_of(video, Plan(frames=frames))
+        diameter = torch.tensor([mesh.sphere_diameter], dtype=torch.float64)
+        for frame in video.open():
+            if frame.index > wanted[-1]:
+                break
+            if frame.index not in wanted or frame.image is None:
+                continue
+            picture = prepare_frame(frame.image, video.camera)
+            inner = mesh.inner(video.truth[frame.index].to(torch.float64))
+            counts = torch.tensor([OFFSET], dtype=torch.float64)
+            start = PoseAction.of(counts).apply(
+                Pose(inner.rotation[None], inner.translation[None]), diameter
+            )
+            view = look_at(start, diameter)
+            one = look_at(start[0], diameter[0])
+            patch = crop_patch(picture.pixels, one, picture.camera.matrix())
+            gbuffer = renderer.render([mesh], view.to_virtual(start), view.intrinsics)
+            seen = observe(patch[None], gbuffer, view, diameter)
+            situation = Situation(start, diameter, torch.zeros(1, dtype=torch.int64))
+            found.append(Patch(f"{video.name}, frame {frame.index}", seen, situation))
+    return found
+
+
+def outcome(
+    cases: Sequence[Patch], policies: Mapping[str, Policy], data: str, facts: Mapping[str, object]
+) -> Outcome:
+    """Figure `fig:mask`: patch, rendering and one attention map a network, a row a case.
+
+    The table says how the attention is shared between the rendered object and the rest.
+    """
+    panels: list[Panel] = []
+    rows: list[tuple[Cell, ...]] = []
+    for case in cases:
+        panels += [
+            Panel(case.name, _picture(case.seen.image)),
+            Panel("rendering", _picture(case.seen.rendering)),
+        ]
+        for name, policy in policies.items():
+            attention = policy.decide(case.seen, case.situation).attention
+            if attention is None:
+                panels.append(Panel(f"{name}: none"))
+                rows.append((case.name, name, None, None, None))
+                continue
+            panels.append(Panel(name, _map(attention)))
+            rows.append((case.name, name, *_shares(attention, case.seen.mask)))
+    head = ("case", "network", "mean on the object", "mean beside it", "share on the object %")
+    sheet = Sheet("attention", "Attention", 2 + len(policies), tuple(panels))
+    steps = ", ".join(map(str, paper.ATTENTION_ITERATIONS))
+    return Outcome(
+        "attention",
+        "Attention maps of networks of different training",
+        data,
+        (
+            Table(
+                "attention", "Attention on the rendered object and beside it", head, tuple(rows), 3
+            ),
+        ),
+        (sheet,),
+        (
+            f"The paper shows its object-specific network after {steps} iterations and prints no "
+            "figures; here every weights file that is given is one column.",
+            "The start is a few counts away from the truth, so that the rendered mask is not quite "
+            "the object.",
+        ),
+        facts,
+    )
+
+
+def _shares(attention: Tensor, mask: Tensor) -> tuple[float, float, float]:
+    """Mean attention on the mask and off it, and the mask's share of all of it in per cent."""
+    size = attention.shape[-2:]
+    covered = functional.adaptive_avg_pool2d(mask, (size[0], size[1])).to(attention)
+    inside = float((attention * covered).sum() / covered.sum().clamp_min(1e-6))
+    outside = float((attention * (1 - covered)).sum() / (1 - covered).sum().clamp_min(1e-6))
+    share = 100 * float((attention * covered).sum() / attention.sum().clamp_min(1e-9))
+    return inside, outside, share
+
+
+def _picture(patch: Tensor) -> NDArray[np.uint8]:
+    values = (255 * patch[0].clamp(0, 1)).round().to(torch.uint8)
+    return np.asarray(values.permute(1, 2, 0).numpy())
+
+
+def _map(attention: Tensor) -> NDArray[np.float64]:
+    size = (PATCH_SIZE, PATCH_SIZE)
+    large = functional.interpolate(attention.float(), size, mode="nearest")
+    return np.asarray(large[0, 0].to(torch.float64).numpy())

@@ -1,0 +1,247 @@
+"""The paper's detection figure: field, divergence, steps against seeds; and how often it works.
+
+Never gives the detector a true pose: the truth only judges, and is where the curve of steps starts.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ...actions import PoseAction, difference
+from ...datasets.sequences import Sequence as Video
+from ...datasets.video import Image
+from ...estimation import Detection, Judge, PoseDetector, Target, refine_batch
+from ...estimation.detector import Candidate, best_of
+from ...estimation.frame import prepare_frame
+from ...geometry.pose import Pose
+from .. import metrics, paper
+from .convergence import POINTS, Plan, frames_of
+from .outcome import Cell, Curve, LineChart, Outcome, Panel, Sheet, Table, mean
+
+TURNS = tuple(range(-45, 46, 3))  # degrees about the viewing axis, for the last curve
+FOUND = 0.5  # of the object's width: a sink nearer than this to the true centre is the object's
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One frame. Errors in diameters (ADD(-S)) and degrees; infinite where there is no pose.
+
+    `rank` is the object's place among those looked into, from 1 (None: not among them); `size` the
+    width tried there that is nearest to the true one, in true ones; `best` the smallest error of
+    any candidate, which no judge can better.
+    """
+
+    video: str
+    frame: int
+    rank: int | None
+    size: float | None
+    add: Mapping[Judge, float]
+    rotation: Mapping[Judge, float]
+    best: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Example:
+    """What the figure shows of one frame."""
+
+    image: Image
+    detection: Detection
+    turns: tuple[float, ...]
+    steps: tuple[float, ...]
+    ways: tuple[float, ...]
+
+
+def run(
+    videos: Sequence[Video], make: Mapping[str, PoseDetector], frames: int
+) -> Iterator[tuple[Trial, Image, Detection]]:
+    """Detect in `frames` frames of every sequence; `make` holds each sequence's detector."""
+    for video in videos:
+        detector = make[video.name]
+        points = torch.from_numpy(detector.mesh.sample_points(POINTS))
+        wanted = frames_of(video, Plan(frames=frames))
+        for frame in video.open():
+            if frame.index > wanted[-1]:
+                break
+            if frame.index not in wanted or frame.image is None:
+                continue
+            begin = time.perf_counter()
+            found = detector.detect(frame.image)
+            seconds = time.perf_counter() - begin
+            truth = video.truth[frame.index].to(torch.float64)
+            trial = _judged(video, frame.index, found, detector, truth, points, seconds)
+            yield trial, frame.image, found
+
+
+def _judged(
+    video: Video, frame: int, found: Detection, detector: PoseDetector, truth: Pose,
+    points: Tensor, seconds: float,
+) -> Trial:  # fmt: skip
+    """One frame's figures: what each judge chose among the same candidates."""
+
+    def error(candidate: Candidate | None) -> float:
+        if candidate is None or candidate.result.pose is None:
+            return float("inf")
+        apart = metrics.add_s(candidate.result.pose, truth, points, video.symmetric)
+        return float(apart) / detector.mesh.diameter
+
+    def turn(candidate: Candidate | None) -> float:
+        if candidate is None or candidate.result.pose is None:
+            return 180.0
+        return float(metrics.rotation_error(candidate.result.pose, truth))
+
+    chosen = {judge: best_of(found.candidates, judge) for judge in Judge}
+    rank, size = _sink_of(found, detector, truth)
+    return Trial(
+        video=video.name,
+        frame=frame,
+        rank=rank,
+        size=size,
+        add={judge: error(one) for judge, one in chosen.items()},
+        rotation={judge: turn(one) for judge, one in chosen.items()},
+        best=min(map(error, found.candidates), default=float("inf")),
+        seconds=seconds,
+    )
+
+
+def turned_starts(
+    detector: PoseDetector, image: Image, truth: Pose, turns: Sequence[float] = TURNS
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Steps and ways of loops that start at the truth turned about the viewing axis, degrees.
+
+    The figure's lower curve: the steps are fewest where the start is right.
+    """
+    mesh = detector.mesh
+    inner = mesh.inner(truth.to(torch.float64))
+    diameter = torch.full((len(turns),), mesh.sphere_diameter, dtype=torch.float64)
+    counts = torch.zeros(len(turns), 6, dtype=torch.float64)
+    counts[:, 5] = torch.tensor(list(turns), dtype=torch.float64)
+    many = Pose(inner.rotation.expand(len(turns), 3, 3), inner.translation.expand(len(turns), 3))
+    starts = PoseAction.of(counts).apply(many, diameter)
+    frame = prepare_frame(image, detector.camera)
+    targets = [
+        Target(frame, detector.camera, mesh, mesh.outer(starts[k])) for k in range(len(turns))
+    ]
+    results = refine_batch(
+        targets, policy=detector.policy, renderer=detector.renderer, max_steps=detector.max_steps
+    )
+    ways = []
+    for k, result in enumerate(results):
+        way = float("nan")
+        if result.pose is not None:
+            end = mesh.inner(result.pose)
+            way = float(difference(starts[k], end, diameter[k]).abs().sum())
+        ways.append(way)
+    return tuple(float(result.steps) for result in results), tuple(ways)
+
+
+def outcome(
+    trials: Sequence[Trial], example: Example, data: str, facts: Mapping[str, object]
+) -> Outcome:
+    """Figure `fig:detect` of one frame, and figures of all frames for both judges."""
+    rows: list[tuple[Cell, ...]] = []
+    for trial in trials:
+        adds = [_percent(trial.add[judge]) for judge in Judge]
+        turns = [trial.rotation[judge] for judge in Judge]
+        rows.append((trial.video, trial.frame, trial.rank, trial.size, *adds, *turns,
+                     _percent(trial.best), trial.seconds))  # fmt: skip
+    head = ("sequence", "frame", "rank of its sink", "best size tried / true",
+            *(f"ADD % d, {judge.value}" for judge in Judge),
+            *(f"rotation deg, {judge.value}" for judge in Judge),
+            "best candidate ADD % d", "seconds")  # fmt: skip
+    frames = Table("frames", "Frame by frame", head, tuple(rows))
+    return Outcome(
+        "detection",
+        "Detection without a start (Initialization & Detection)",
+        data,
+        (_summary(trials), frames),
+        (_sheet(example),),
+        (
+            "The paper prints no figures for detection; its figure is one example.",
+            "A sink counts as the object's if it is nearer than half of the object's width to its "
+            "centre. `best candidate` is what a perfect judge would reach.",
+            *paper.NOTES["fig:detect"],
+        ),
+        facts,
+    )
+
+
+def _sink_of(
+    found: Detection, detector: PoseDetector, truth: Pose
+) -> tuple[int | None, float | None]:
+    """The first place (from 1) that is the object's, and the best size tried there, true = 1."""
+    inner = detector.mesh.inner(truth)
+    centre = detector.camera.project(inner.translation)
+    distance = float(inner.translation.norm())
+    width = detector.camera.fx * detector.mesh.sphere_diameter / distance
+    for rank, place in enumerate(found.places, 1):
+        if float((place[0].centre - centre).norm()) < FOUND * width:
+            return rank, min((sink.size / width for sink in place), key=lambda r: abs(math.log(r)))
+    return None, None
+
+
+def _summary(trials: Sequence[Trial]) -> Table:
+    number = len(trials)
+
+    def share(hits: Sequence[bool]) -> float:
+        return 100 * float(np.mean(hits))
+
+    rows: list[tuple[Cell, ...]] = [
+        ("object is the strongest sink, %", share([trial.rank == 1 for trial in trials])),
+        ("object is among the sinks, %", share([trial.rank is not None for trial in trials])),
+        ("best size tried there / true size, mean", mean([trial.size for trial in trials])),
+    ]
+    for judge in Judge:
+        hits = [trial.add[judge] < metrics.ADD_LIMIT for trial in trials]
+        rows.append((f"ADD < 10 % d, judge {judge.value}, %", share(hits)))
+    best = [trial.best < metrics.ADD_LIMIT for trial in trials]
+    rows.append(("ADD < 10 % d, best candidate, %", share(best)))
+    rows.append(("seconds a frame, mean", mean([trial.seconds for trial in trials])))
+    return Table("summary", f"All {number} frames", ("", "ours"), tuple(rows))
+
+
+def _sheet(example: Example) -> Sheet:
+    """Field, divergence and the curve, as in the paper's figure; the largest sink's size."""
+    detection = example.detection
+    field = max(detection.fields, key=lambda one: float(one.sink.max()))
+    arrows = torch.cat([field.centres, field.vectors], -1).reshape(-1, 4).numpy()
+    first = detection.places[0][0] if detection.places else None
+    crosses, box = {}, None
+    if first is not None:
+        x, y = first.centre.tolist()
+        crosses["centre"] = (float(x), float(y))
+        half = 0.5 * first.size
+        box = (float(x) - half, float(y) - half, float(x) + half, float(y) + half)
+    left, top = field.centres[0, 0].tolist()
+    step = float(field.centres[0, 1, 0] - field.centres[0, 0, 0])
+    inside = {name: ((x - left) / step, (y - top) / step) for name, (x, y) in crosses.items()}
+    curves = [Curve("steps", example.turns, example.steps)]
+    way = [(t, w) for t, w in zip(example.turns, example.ways, strict=True) if np.isfinite(w)]
+    if way:
+        x_way, y_way = zip(*way, strict=True)
+        curves.append(Curve("way, single actions", x_way, y_way, right=True))
+    chart = LineChart(
+        "turned", "", "start turned about the viewing axis (r_z), degrees", "steps to stop",
+        tuple(curves), "way in single actions",
+    )  # fmt: skip
+    return Sheet(
+        "detection",
+        "Detection",
+        3,
+        (
+            Panel("t_x, t_y of one iteration a seed", example.image, arrows, crosses, box),
+            Panel("−∇·V of the smoothed field", field.sink.numpy(), crosses=inside),
+            Panel("steps against the start", lines=chart),
+        ),
+    )
+
+
+def _percent(share: float) -> float | None:
+    return 100 * share if np.isfinite(share) else None

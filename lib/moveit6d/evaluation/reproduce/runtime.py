@@ -1,0 +1,65 @@
+"""The paper's runtime table: milliseconds of one cycle, and of a frame.
+
+Never hides the rendering: the paper's figures leave it out, ours are given with and without.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from .. import paper
+from ..cycle import CycleTimes
+from .outcome import BarChart, Cell, Outcome, Table
+from .tracks import Track
+
+PREPARE = ("crop", "observe")
+
+
+def outcome(
+    times: CycleTimes, tracks: Sequence[Track], data: str, facts: Mapping[str, object]
+) -> Outcome:
+    """Table `tab:runtime`; with tracks also what a frame takes."""
+    prepare = sum(times.parts[part] for part in PREPARE)
+    render, move = times.parts["render"], times.parts["move"]
+    network = times.parts["network"]
+    without = times.total - render
+    printed = list(paper.RUNTIME_MS.values())
+    rows: list[tuple[Cell, ...]] = [
+        ("image preprocessing (crop, resize)", prepare, printed[0]),
+        ("network", network, printed[1]),
+        ("moving the pose", move, None),
+        ("cycle without rendering", without, printed[2]),
+        ("rendering", render, None),
+        ("whole cycle, rendering too", times.whole, None),
+    ]
+    tables = [Table("cycle", "One cycle (tab:runtime)", ("ms", "ours", "paper"), tuple(rows))]
+    if tracks:
+        tables.append(_frames(tracks, without))
+    chart = BarChart(
+        "runtime", "One cycle", "ms", ("preprocessing", "network", "moving", "rendering"),
+        {"ours": (prepare, network, move, render), "paper": (printed[0], printed[1], None, None)},
+    )  # fmt: skip
+    notes = (
+        "Ours is the median of the cycles, all on the CPU; the paper's network ran on a GPU.",
+        *paper.NOTES["tab:runtime"],
+    )
+    return Outcome("runtime", "Runtime of the action decision cycle", data, tuple(tables), (chart,),
+                   notes, facts)  # fmt: skip
+
+
+def _frames(tracks: Sequence[Track], cycle: float) -> Table:
+    """Cycles and milliseconds a frame, as tracked under the paper's protocol."""
+    rows: list[tuple[Cell, ...]] = []
+    steps = np.concatenate([np.array(track.steps, float) for track in tracks])
+    times = np.concatenate([np.array(track.milliseconds, float) for track in tracks])
+    for track in tracks:
+        mine = float(np.mean(track.steps))
+        rows.append((track.video.name, len(track.steps), mine, mine * cycle,
+                     float(np.mean(track.milliseconds))))  # fmt: skip
+    rows.append(("all frames", len(steps), float(steps.mean()), float(steps.mean()) * cycle,
+                 float(times.mean())))  # fmt: skip
+    rows.append(("paper (YCB-Video)", None, paper.ACTIONS_PER_FRAME, paper.MS_PER_FRAME, None))
+    head = ("sequence", "frames", "cycles a frame", "ms, cycles × cycle", "ms measured")
+    return Table("frames", "What a frame takes", head, tuple(rows))

@@ -1,0 +1,128 @@
+"""Tracks of many sequences under the paper's protocol, kept in files so that nothing is run twice.
+
+Never scores. A folder of tracks belongs to one setting (weights, mode, protocol, limits); with any
+other one it is refused, so that figures of two settings never mix.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from ...datasets.files import PoseRow, by_frame, read_json, read_poses, write_json, write_poses
+from ...datasets.sequences import Sequence as Video
+from ...datasets.video import Frame
+from ...errors import InputError
+from ...geometry.pose import Pose
+from ..benchmark import MakeTracker
+from ..protocols import PROTOCOL_COLUMNS, Protocol, follow_protocol, is_given
+from ..rollout import Step
+
+SETTINGS = "settings.json"
+COLUMNS = (*PROTOCOL_COLUMNS, "steps", "confidence")
+Watch = Callable[[Video, Iterator[Step]], Iterator[Step]]
+
+
+@dataclass(frozen=True)
+class Track:
+    """One sequence's scored frames (N) beside their true poses, mesh file's frame.
+
+    Frames whose pose was given by the protocol are left out; a frame without a pose keeps the last
+    one before it (`held` counts those); `steps` (N,) are cycles, `milliseconds` (N,) times.
+    """
+
+    video: Video
+    frames: tuple[int, ...]
+    estimate: Pose
+    truth: Pose
+    held: int
+    steps: tuple[int, ...]
+    milliseconds: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How tracks are made: a tracker, a protocol by sequence, frames at most, and where they go.
+
+    `facts` tell one setting from another; `folder` is None for tracks that are not kept.
+    """
+
+    make_tracker: MakeTracker
+    protocol_of: Callable[[Video], Protocol]
+    facts: Mapping[str, Any]
+    folder: Path | None = None
+    frames: int | None = None
+
+
+def run_tracks(videos: Sequence[Video], setting: Setting, watch: Watch) -> Iterator[Track]:
+    """The track of every sequence, from its file where it is there already.
+
+    `watch` sees the steps as they come (progress, complaints). Sequences without a frame to score
+    are left out.
+    """
+    _claim(setting)
+    for video in videos:
+        path = None if setting.folder is None else setting.folder / f"{video.name}.csv"
+        if path is not None and path.is_file():
+            rows = by_frame(read_poses(path), str(path))
+        else:
+            rows = {step.row.frame: step.row for step in watch(video, run_one(video, setting))}
+            if path is not None:
+                write_poses(path, rows.values(), COLUMNS)
+        track = scored(video, rows)
+        if track is not None:
+            yield track
+
+
+def run_one(video: Video, setting: Setting) -> Iterator[Step]:
+    """Track one sequence: one step for each frame after the first, whose pose is given."""
+    tracker = setting.make_tracker(video.load_mesh(), video.camera, video.start)
+    protocol = setting.protocol_of(video)
+    yield from follow_protocol(tracker, _after(video, setting.frames), video.truth, protocol)
+
+
+def scored(video: Video, rows: Mapping[int, PoseRow]) -> Track | None:
+    """The frames that count: known truth, a keyframe where there are such, pose not given."""
+    frames, estimates, steps, times = [], [], [], []
+    last, held = video.start, 0
+    for frame, row in sorted(rows.items()):
+        last = last if row.pose is None else row.pose
+        wanted = video.keyframes is None or frame in video.keyframes
+        if frame not in video.truth or not wanted or is_given(row):
+            continue
+        held += row.pose is None
+        frames.append(frame)
+        estimates.append(last)
+        steps.append(row.steps or 0)
+        times.append(row.milliseconds or 0.0)
+    if not frames:
+        return None
+    truth = Pose.stack([video.truth[frame].to(torch.float64) for frame in frames])
+    found = Pose.stack([pose.to(torch.float64) for pose in estimates])
+    return Track(video, tuple(frames), found, truth, held, tuple(steps), tuple(times))
+
+
+def _claim(setting: Setting) -> None:
+    """Make the folder this setting's own; `InputError` if it is another's."""
+    if setting.folder is None:
+        return
+    path = setting.folder / SETTINGS
+    facts = {**setting.facts, "frames": setting.frames}
+    if path.is_file():
+        if read_json(path) != facts:
+            raise InputError(
+                f"{setting.folder} holds tracks of another setting ({SETTINGS} differs); remove "
+                "it or give another --output."
+            )
+        return
+    write_json(path, facts)
+
+
+def _after(video: Video, count: int | None) -> Iterator[Frame]:
+    later = (frame for frame in video.open() if frame.index > video.first)
+    return later if count is None else itertools.islice(later, count)

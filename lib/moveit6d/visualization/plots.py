@@ -1,0 +1,139 @@
+"""Draws the charts of a reproduction as PNG and SVG files.
+
+Never computes a figure. The same chart gives the same file: no dates and no random names in it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..datasets.files import replacing
+from ..evaluation.reproduce.outcome import BarChart, Chart, LineChart, Panel, Sheet
+
+KINDS = ("png", "svg")
+DOTS_AN_INCH = 130
+STYLE: dict[Any, Any] = {
+    "svg.hashsalt": "moveit6d",
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.alpha": 0.3,
+    "legend.frameon": False,
+}
+COLORS = ("#1f6fb4", "#e07b00", "#4f4f4f", "#a9a9a9", "#2a9d5c", "#b03060")
+
+
+def draw(chart: Chart, folder: Path) -> list[Path]:
+    """Write NAME.png and NAME.svg of a chart; the paths written. Each file appears whole."""
+    from matplotlib import rc_context
+
+    with rc_context(STYLE):
+        figure = _figure(chart)
+        written = [folder / f"{chart.name}.{kind}" for kind in KINDS]
+        for path in written:
+            # An SVG has its date in it unless told otherwise; a PNG has none.
+            facts = {"Date": None} if path.suffix == ".svg" else None
+            with replacing(path) as temporary:
+                figure.savefig(temporary, dpi=DOTS_AN_INCH, metadata=facts)
+    return written
+
+
+def _figure(chart: Chart) -> Any:
+    from matplotlib.figure import Figure
+
+    if isinstance(chart, Sheet):
+        return _sheet(chart)
+    wide = 0.45 * len(chart.categories) + 2 if isinstance(chart, BarChart) else 6.4
+    figure = Figure(figsize=(max(5.0, wide), 4.0), layout="constrained")
+    axes = figure.add_subplot()
+    if isinstance(chart, BarChart):
+        _bars(axes, chart)
+    else:
+        _lines(axes, chart)
+    axes.set_title(chart.title)
+    return figure
+
+
+def _lines(axes: Any, chart: LineChart) -> None:
+    """Curves; those of the right axis are dashed."""
+    right = axes.twinx() if any(curve.right for curve in chart.curves) else None
+    handles = []
+    for number, curve in enumerate(chart.curves):
+        place = right if curve.right and right is not None else axes
+        style: dict[str, Any] = {"linestyle": "--" if curve.right else "-", "marker": "o"}
+        if curve.dots:
+            style = {"linestyle": "none", "marker": "*", "markersize": 13}
+        style = {"markersize": 3.5, **style}
+        color = COLORS[number % len(COLORS)]
+        handles += place.plot(curve.x, curve.y, color=color, label=curve.label, **style)
+    axes.set_xlabel(chart.x_label)
+    axes.set_ylabel(chart.y_label)
+    axes.set_ylim(bottom=0)
+    if right is not None:
+        right.set_ylabel(chart.right_label)
+        right.set_ylim(bottom=0)
+        right.grid(False)
+    axes.legend(handles=handles, loc="best")
+
+
+def _bars(axes: Any, chart: BarChart) -> None:
+    width = 0.8 / max(1, len(chart.series))
+    places = np.arange(len(chart.categories))
+    for number, (name, values) in enumerate(chart.series.items()):
+        heights = [np.nan if value is None else value for value in values]
+        offset = (number - (len(chart.series) - 1) / 2) * width
+        color = COLORS[number % len(COLORS)]
+        axes.bar(places + offset, heights, width, label=name, color=color)
+    many = len(chart.categories) > 6
+    axes.set_xticks(places, chart.categories, rotation=60 if many else 0,
+                    ha="right" if many else "center")  # fmt: skip
+    axes.set_ylabel(chart.y_label)
+    axes.grid(axis="x", visible=False)
+    axes.legend(loc="upper left", bbox_to_anchor=(0, -0.02 if not many else 1.25), ncols=4)
+
+
+def _sheet(chart: Sheet) -> Any:
+    from matplotlib.figure import Figure
+
+    rows = -(-len(chart.panels) // chart.columns)
+    plain = all(panel.lines is None and panel.arrows is None for panel in chart.panels)
+    side = 2.1 if plain else 4.2
+    figure = Figure(figsize=(side * chart.columns, 0.95 * side * rows), layout="constrained")
+    for number, panel in enumerate(chart.panels, 1):
+        axes = figure.add_subplot(rows, chart.columns, number)
+        axes.set_title(panel.title, fontsize=8)
+        if panel.lines is not None:
+            _lines(axes, panel.lines)
+        else:
+            _picture(figure, axes, panel)
+    return figure
+
+
+def _picture(figure: Any, axes: Any, panel: Panel) -> None:
+    """A picture with what is marked in it; a heat map gets a bar of its values."""
+    axes.grid(False)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    if panel.picture is None:
+        axes.set_axis_off()
+        return
+    color = panel.picture.ndim == 3
+    shown = axes.imshow(panel.picture, cmap=None if color else "viridis", interpolation="nearest")
+    if not color:
+        figure.colorbar(shown, ax=axes, shrink=0.7)
+    if panel.arrows is not None:
+        x, y, u, v = panel.arrows.T
+        axes.quiver(x, y, u, v, color="#ffd400", angles="xy", width=0.003)
+    for label, (x, y) in panel.crosses.items():
+        axes.plot(x, y, "+", color="#ff2020", markersize=14, markeredgewidth=2, label=label)
+    if panel.box is not None:
+        left, top, right, bottom = panel.box
+        axes.plot([left, right, right, left, left], [top, top, bottom, bottom, top],
+                  color="#ff2020", linewidth=1.5)  # fmt: skip
+    if color:
+        axes.set_xlim(-0.5, panel.picture.shape[1] - 0.5)
+        axes.set_ylim(panel.picture.shape[0] - 0.5, -0.5)

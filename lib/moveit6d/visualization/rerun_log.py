@@ -1,0 +1,172 @@
+"""Writes a run for the rerun viewer: frames, the object in space, the true pose, curves, messages.
+
+Never holds more than one frame. Needs rerun-sdk (`pip install 'moveit6d[rerun]'`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from types import ModuleType, TracebackType
+from typing import Any
+
+import numpy as np
+import torch
+
+from ..datasets.files import PoseRow, replacing
+from ..datasets.video import Frame
+from ..errors import InputError
+from ..geometry.camera import Camera
+from ..geometry.mesh import Mesh
+from ..geometry.pose import Pose
+
+OBJECT, TRUTH, VIEW = "camera/object", "camera/truth", "camera/image"
+CURVES = ("confidence", "steps", "milliseconds")
+JPEG_QUALITY = 85
+
+
+class RerunLog:
+    """An .rrd file in the making: use as a context manager and `write` frames with their rows.
+
+    The file appears under its name when the block ends, whatever ends it (Ctrl-C too).
+    `truth` are the true poses by frame number, where they are known. Frames are shown without
+    their lens distortion. `InputError` if rerun-sdk is missing or the file cannot be written.
+    """
+
+    def __init__(
+        self, path: Path, mesh: Mesh, camera: Camera, truth: Mapping[int, Pose] | None = None
+    ) -> None:
+        self.path, self.mesh, self.camera = path, mesh, camera
+        self.truth = truth or {}
+        self._rerun = _load()
+        self._place = ExitStack()
+        self._stream: Any = None
+        self._shown = False
+
+    def __enter__(self) -> RerunLog:
+        rr = self._rerun
+        temporary = self._place.enter_context(replacing(self.path))
+        self._stream = rr.RecordingStream("moveit6d", recording_id=self.path.stem)
+        try:
+            self._stream.save(temporary, _blueprint(rr))
+        except (OSError, RuntimeError) as error:
+            self._place.__exit__(type(error), error, error.__traceback__)
+            raise InputError(f"{self.path} cannot be written: {error}.") from error
+        lens = rr.Pinhole(
+            image_from_camera=self.camera.matrix().numpy(),
+            resolution=[self.camera.width, self.camera.height],
+            camera_xyz=rr.ViewCoordinates.RDF,
+        )
+        self._stream.log("camera", rr.ViewCoordinates.RDF, static=True)
+        self._stream.log(VIEW, lens, static=True)
+        if self.truth:
+            self._stream.log(TRUTH, _edges(rr, self.mesh), static=True)
+        return self
+
+    def write(self, frame: Frame, row: PoseRow, error: str | None = None) -> None:
+        """Append one frame: its image, its row, and why it has no pose."""
+        rr, stream = self._rerun, self._stream
+        stream.set_time("frame", sequence=frame.index)
+        if frame.image is not None:
+            pixels = torch.from_numpy(np.ascontiguousarray(frame.image)).permute(2, 0, 1)
+            flat = self.camera.undistort(pixels)[0].permute(1, 2, 0).numpy()
+            stream.log(VIEW, rr.Image(np.ascontiguousarray(flat)).compress(JPEG_QUALITY))
+        self._object(row.pose)
+        if frame.index in self.truth:
+            stream.log(TRUTH, _transform(rr, self.truth[frame.index]))
+        for name in CURVES:
+            value = getattr(row, name)
+            if value is not None:
+                stream.log(f"curves/{name}", rr.Scalars(float(value)))
+        if frame.index in self.truth and row.pose is not None:
+            shift = row.pose.translation - self.truth[frame.index].translation
+            stream.log("curves/origin_error_mm", rr.Scalars(1000 * float(shift.norm())))
+        if error is not None or row.reset:
+            text = error if error is not None else "set to the true pose"
+            stream.log("messages", rr.TextLog(text, level="WARN"))
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._stream.flush()
+        self._stream.disconnect()
+        self._place.close()
+
+    def _object(self, pose: Pose | None) -> None:
+        """Where the object is now; nothing is shown while there is no pose."""
+        rr, stream = self._rerun, self._stream
+        if pose is None:
+            if self._shown:
+                stream.log(OBJECT, rr.Clear(recursive=False))
+            self._shown = False
+            return
+        stream.log(OBJECT, _transform(rr, pose))
+        if not self._shown:
+            stream.log(OBJECT, _surface(rr, self.mesh))
+        self._shown = True
+
+
+def _load() -> ModuleType:
+    try:
+        import rerun
+    except ImportError:
+        raise InputError(
+            "--rerun needs the package rerun-sdk: pip install 'moveit6d[rerun]'."
+        ) from None
+    module: ModuleType = rerun
+    return module
+
+
+def _blueprint(rr: Any) -> Any:
+    """The viewer's first look: image and space side by side, curves and messages below."""
+    views = rr.blueprint
+    return views.Blueprint(
+        views.Vertical(
+            views.Horizontal(
+                views.Spatial2DView(origin=VIEW, contents=["/camera/**"], name="image"),
+                views.Spatial3DView(origin="camera", name="space"),
+            ),
+            views.Horizontal(
+                views.TimeSeriesView(origin="curves", name="curves"),
+                views.TextLogView(origin="messages", name="messages"),
+            ),
+            row_shares=[3, 1],
+        )
+    )
+
+
+def _transform(rr: Any, pose: Pose) -> Any:
+    return rr.Transform3D(
+        translation=pose.translation.tolist(), mat3x3=pose.rotation.to(torch.float64).numpy()
+    )
+
+
+def _surface(rr: Any, mesh: Mesh) -> Any:
+    """The mesh in its file's frame, with its colours."""
+    look: dict[str, Any] = {}
+    if mesh.texture is not None and mesh.uv is not None:
+        # rerun counts v from the top.
+        look = {
+            "albedo_texture": mesh.texture,
+            "vertex_texcoords": np.stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]], -1),
+        }
+    elif mesh.vertex_colors is not None:
+        look = {"vertex_colors": mesh.vertex_colors}
+    return rr.Mesh3D(
+        vertex_positions=mesh.vertices + mesh.center.astype(np.float32),
+        triangle_indices=mesh.faces,
+        vertex_normals=mesh.normals,
+        **look,
+    )
+
+
+def _edges(rr: Any, mesh: Mesh) -> Any:
+    """The box around the object, in white: where it truly is."""
+    low, high = mesh.vertices.min(0), mesh.vertices.max(0)
+    return rr.Boxes3D(
+        centers=[(low + high) / 2 + mesh.center], sizes=[high - low], colors=[(255, 255, 255)]
+    )

@@ -1,0 +1,74 @@
+"""`moveit6d evaluate bop --errors bop19` and `evaluate ycbv`: tables on made data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from moveit6d.cli.main import main
+from moveit6d.datasets.bop import Estimate, Instance, write_results
+from moveit6d.datasets.bop_writer import BopImage, write_bop
+from moveit6d.evaluation.keyframes import Keyframes, write_keyframe_poses
+from moveit6d.geometry.camera import Camera
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.pose import Pose
+
+
+def cells(text: str) -> list[list[str]]:
+    lines = [line for line in text.splitlines() if line.startswith("|") and "---" not in line]
+    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
+
+
+def at(z: float) -> Pose:
+    return Pose(torch.eye(3, dtype=torch.float64), torch.tensor([0, 0, z], dtype=torch.float64))
+
+
+@pytest.mark.parametrize("depth", [True, False])
+def test_average_recall_of_two_files(brick: Mesh, tmp_path: Path, capsys: Any, depth: bool) -> None:
+    camera = Camera(180.0, 182.0, 78.0, 61.0, 160, 120)
+    measured = np.zeros((120, 160), np.float32) if depth else None  # nothing known: all visible
+    picture = np.zeros((120, 160, 3), np.uint8)
+    image = BopImage(1, 4, picture, camera, [Instance(3, at(0.6))], measured)
+    root = write_bop(tmp_path / "tiny", "test", {3: brick}, [image])
+    files = [tmp_path / "right.csv", tmp_path / "wrong.csv"]
+    for file, z in zip(files, (0.6, 3.0), strict=True):
+        write_results(file, [Estimate(1, 4, 3, 1.0, at(z), 0.5)])
+    command = ["evaluate", "bop", "--dataset", str(root), "--split", "test", "--errors", "bop19"]
+    assert main([*command, "--results", *map(str, files)]) == 0
+    printed = capsys.readouterr()
+    rows = cells(printed.out)
+    assert rows[0][:3] == ["file", "instances", "AR"] and rows[1][0] == str(files[0])
+    assert rows[1][4:7] == ["100.0 %", "100.0 %", "0.500"]
+    assert rows[1][2:4] == (["100.0 %", "100.0 %"] if depth else ["-", "-"])
+    assert rows[2][4] == "0.0 %" and (rows[2][2] == "0.0 %") == depth
+    assert ("no depth images" in printed.err) != depth
+    assert main([*command, "--results", str(files[0]), "--targets", "none.json"]) == 2
+    assert "none.json" in capsys.readouterr().err
+
+
+def test_keyframe_poses_of_one_method(tmp_path: Path, capsys: Any) -> None:
+    truth = Pose.stack([at(0.8)] * 4)
+    moved = Pose.stack([at(0.8), at(0.85), at(0.85), at(1.2)])
+    keyframes = Keyframes(
+        torch.tensor([1, 1, 2, 2]), ("mug", "bowl"), truth, {"a": moved, "b": truth}
+    )
+    write_keyframe_poses(tmp_path / "poses.npz", keyframes)
+    points = torch.tensor([[0.0, 0, 0], [0.01, 0, 0]]).numpy()
+    np.savez(tmp_path / "points.npz", **{"01": points, "02": points})
+    command = ["evaluate", "ycbv", "--poses", str(tmp_path / "poses.npz"),
+               "--points", str(tmp_path / "points.npz")]  # fmt: skip
+    assert main([*command, "--methods", "a", "--form", "exact", "--per_object"]) == 0
+    rows = cells(capsys.readouterr().out)
+    # Errors 0, 5 cm, 5 cm, 40 cm; areas of the objects 0.75 and 0.25.
+    assert rows[1][:4] == ["a", "4", "0", "50.00"] and rows[1][6] == "50.00"
+    assert [row[:2] for row in rows[3:]] == [["mug", "75.00"], ["bowl", "25.00"]]
+    assert main([*command, "--symmetric", "bowl"]) == 0
+    assert [row[0] for row in cells(capsys.readouterr().out)] == ["method", "a", "b"]
+    assert main([*command, "--symmetric", "cup"]) == 2
+    assert "has no object cup" in capsys.readouterr().err
+    assert main([*command, "--methods", "c"]) == 2
+    assert "holds no estimates c; there are a, b" in capsys.readouterr().err

@@ -1,0 +1,61 @@
+"""Charts become PNG and SVG files; the same chart gives the same file."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from moveit6d.evaluation.reproduce.outcome import (
+    BarChart,
+    Chart,
+    Curve,
+    LineChart,
+    Panel,
+    Sheet,
+)
+from moveit6d.visualization.plots import draw
+
+LINES = LineChart(
+    "lines", "Lines", "m", "%",
+    (Curve("left one", (0, 1, 2), (1, 5, 3)), Curve("steps", (0, 1), (30, 20), right=True),
+     Curve("stated", (1,), (4,), dots=True)),
+    "steps",
+)  # fmt: skip
+BARS = BarChart("bars", "Bars", "mm", ("cup", "pan"), {"ours": (1.0, None), "paper": (2.0, 3.0)})
+SHEET = Sheet(
+    "sheet", "Sheet", 2,
+    (
+        Panel("field", np.full((40, 60, 3), 90, np.uint8), np.array([[10, 10, 1, 0.0]]),
+              {"centre": (30, 20)}, (20, 10, 40, 30)),
+        Panel("heat", np.arange(12.0).reshape(3, 4)),
+        Panel("curve", lines=LINES),
+        Panel("empty"),
+    ),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("chart", [LINES, BARS, SHEET], ids=lambda chart: chart.name)
+def test_both_files_are_written_and_can_be_read(chart: Chart, tmp_path: Path) -> None:
+    png, svg = draw(chart, tmp_path / "new")
+    assert [png.name, svg.name] == [f"{chart.name}.png", f"{chart.name}.svg"]
+    picture = np.asarray(Image.open(png).convert("RGB"))
+    assert min(picture.shape[:2]) > 300 and len(np.unique(picture.reshape(-1, 3), axis=0)) > 20
+    assert ET.parse(svg).getroot().tag.endswith("svg")
+
+
+def test_the_same_chart_gives_the_same_file(tmp_path: Path) -> None:
+    first, second = draw(LINES, tmp_path / "a")[1], draw(LINES, tmp_path / "b")[1]
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_labels_are_in_the_picture(tmp_path: Path) -> None:
+    from matplotlib import rc_context
+
+    with rc_context({"svg.fonttype": "none"}):
+        text = draw(LINES, tmp_path)[1].read_text(encoding="utf-8")
+    for word in ("left one", "steps", "stated", "Lines"):
+        assert word in text
