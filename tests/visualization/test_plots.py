@@ -59,3 +59,10 @@ def test_labels_are_in_the_picture(tmp_path: Path) -> None:
         text = draw(LINES, tmp_path)[1].read_text(encoding="utf-8")
     for word in ("left one", "steps", "stated", "Lines"):
         assert word in text
+
+
+def test_a_chart_says_what_its_figures_were_taken_on(tmp_path: Path) -> None:
+    drawn = draw(LINES, tmp_path, "stand-in for Laval")[1].read_text(encoding="utf-8")
+    assert "<!-- ours: stand-in for Laval -->" in drawn
+    plain = draw(LINES, tmp_path)[1].read_text(encoding="utf-8")
+    assert "stand-in" not in plain

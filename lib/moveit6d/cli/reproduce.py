@@ -111,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
     folder = new_folder(args.output)
     write_outcome(outcome, folder)
     for chart in outcome.charts:
-        draw(chart, folder)
+        draw(chart, folder, outcome.data)
     note(f"written to {folder}.")
     return 0
 
