@@ -66,7 +66,8 @@ stand_ins() {
     reproduce laval --data "$work/laval" --output "$work/out"
     reproduce convergence --data "$work/laval" --only "$dino" --frames 5 --output "$work/out"
     reproduce attention --data "$work/laval" --output "$work/out"
-    reproduce detection --data "$work/laval" --only "$dino" "$boot" --frames 2 --output "$work/out"
+    reproduce detection --data "$work/laval" --only "$dino" "$boot" --frames 1 --rotations 30 \
+        --sinks 2 --sizes 0.2 0.3 --output "$work/out"
     reproduce runtime --data "$work/laval" --only "$dino" --output "$work/out"
     mkdir -p docs/results/stand_ins
     cp "$work"/{ycb,out}/*.png docs/results/stand_ins
