@@ -51,7 +51,8 @@ class PoseActionModule(pl.LightningModule):
         super().__init__()
         if schedule not in ("cosine", "paper"):
             raise ValueError(f"schedule must be 'cosine' or 'paper', found {schedule!r}.")
-        self.network = load_network(init_from).network if init_from else network
+        # What is loaded is in evaluation mode, and Lightning leaves modes as they are.
+        self.network = load_network(init_from).network.train() if init_from else network
         convert_conv2d_weight_memory_format(self.network, torch.channels_last)  # faster on CPUs
         self.learning_rate, self.schedule = learning_rate, schedule
         self.total_steps, self.warmup_steps = total_steps, warmup_steps
