@@ -3,7 +3,8 @@
 import numpy as np
 import torch
 
-from moveit6d.evaluation.rendered import CAMERA, make_cases, run_cases
+from moveit6d.evaluation.plain_camera import CAMERA
+from moveit6d.evaluation.rendered import make_cases, run_cases
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import MoveMode, OraclePolicy

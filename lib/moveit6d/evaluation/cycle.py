@@ -16,7 +16,6 @@ import torch
 
 from ..estimation import Target, refine_batch
 from ..estimation.frame import prepare_frame
-from ..geometry.camera import Camera
 from ..geometry.crop import View, crop_patch, look_at
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
@@ -24,9 +23,9 @@ from ..geometry.rotation import exp_so3
 from ..observation import observe
 from ..policies import Policy, Situation, choose_move
 from ..rendering.renderer import Renderer
+from .plain_camera import CAMERA
 
 PARTS = ("crop", "render", "observe", "network", "move")
-CAMERA = Camera(600.0, 600.0, 319.5, 239.5, 640, 480)
 WARM_UP = 5
 
 

@@ -12,15 +12,14 @@ import torch
 
 from ..actions import PoseAction, difference
 from ..estimation import Target, refine_batch
-from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
 from ..policies import MoveMode, OraclePolicy
 from ..rendering.renderer import Renderer
 from ..synthesis.clusters import ClusterConfig, draw_counts
+from .plain_camera import CAMERA
 
-CAMERA = Camera(600.0, 600.0, 319.5, 239.5, 640, 480)
 MAX_STEPS = 200  # the largest start is 135 single steps away
 BATCH = 25
 

@@ -16,7 +16,6 @@ from torch import Tensor
 
 from ..actions import PoseAction
 from ..estimation import Target, TrackingResult, refine_batch
-from ..geometry.camera import Camera
 from ..geometry.crop import PADDING, View, crop_homography, look_at
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
@@ -26,8 +25,8 @@ from ..rendering.renderer import Renderer
 from ..synthesis.clusters import ClusterConfig, draw_counts
 from ..synthesis.lighting import LightConfig, light
 from .metrics import add
+from .plain_camera import CAMERA
 
-CAMERA = Camera(600.0, 600.0, 319.5, 239.5, 640, 480)
 FINE = 320  # pixels of the patch in which the object is rendered before it is put in the picture
 
 

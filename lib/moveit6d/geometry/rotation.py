@@ -71,13 +71,18 @@ def rotation_angle(rotation: Tensor) -> Tensor:
 def random_rotations(count: int, generator: torch.Generator | None = None) -> Tensor:
     """Uniformly random rotations, float64: (count, 3, 3)."""
     quaternion = torch.randn(count, 4, dtype=torch.float64, generator=generator)
-    w, x, y, z = torch.nn.functional.normalize(quaternion, dim=-1).unbind(-1)
+    return from_quaternion(torch.nn.functional.normalize(quaternion, dim=-1))
+
+
+def from_quaternion(quaternion: Tensor) -> Tensor:
+    """Rotations of unit quaternions (w, x, y, z): (..., 4) → (..., 3, 3)."""
+    w, x, y, z = quaternion.unbind(-1)
     rows = [
         1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w),
         2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
         2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y),
     ]  # fmt: skip
-    return torch.stack(rows, -1).reshape(count, 3, 3)
+    return torch.stack(rows, -1).reshape(*quaternion.shape[:-1], 3, 3)
 
 
 def _quaternion(rotation: Tensor) -> Tensor:

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from ..errors import InputError
+from .rotation import from_quaternion
 
 # Alexa, "Super-Fibonacci Spirals" (CVPR 2022): the pair that spreads quaternions most evenly.
 _PHI = math.sqrt(2.0)
@@ -28,11 +29,5 @@ def rotation_grid(count: int) -> Tensor:
     place = torch.arange(count, dtype=torch.float64) + 0.5
     inner, outer = (place / count).sqrt(), (1 - place / count).sqrt()
     alpha, beta = 2 * math.pi * place / _PHI, 2 * math.pi * place / _PSI
-    quaternion = (inner * alpha.sin(), inner * alpha.cos(), outer * beta.sin(), outer * beta.cos())
-    x, y, z, w = quaternion
-    rows = [
-        1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w),
-        2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
-        2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y),
-    ]  # fmt: skip
-    return torch.stack(rows, -1).reshape(count, 3, 3)
+    x, y, z, w = inner * alpha.sin(), inner * alpha.cos(), outer * beta.sin(), outer * beta.cos()
+    return from_quaternion(torch.stack([w, x, y, z], -1))
