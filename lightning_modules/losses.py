@@ -34,8 +34,7 @@ class LossWeights:
 
     matching: float = 0.5
     coarse: float = 0.05
-    fine: float = 0.12
-    finest: float = 0.2
+    fine: float = 0.3
     shape: float = 0.1
     visibility: float = 0.2
     weight: float = 0.2
@@ -82,10 +81,9 @@ def correlation_losses(
     output: CorrelationOutput, batch: TrainingBatch, radius: int, weights: LossWeights
 ) -> dict[str, Tensor]:
     """Every term of the correlation network's loss, unweighted, by name."""
-    coarse, fine, finest = (cell_truth(batch, stride) for stride in (8, 4, 2))
+    coarse, fine = (cell_truth(batch, stride) for stride in (8, 4))
     coarse_flow, coarse_seen, coarse_weight = _cell_losses(output.coarse, coarse, 3.0)
     fine_flow, fine_seen, fine_weight = _cell_losses(output.fine, fine, 2.0)
-    finest_flow, _, finest_weight = _cell_losses(output.finest, finest, 1.5)
     scale = batch.counts.new_tensor(weights.scale)
     counts = output.decision.counts
     assert counts is not None
@@ -95,10 +93,9 @@ def correlation_losses(
         "matching": matching_loss(output.matching, coarse, radius),
         "coarse": coarse_flow,
         "fine": fine_flow,
-        "finest": finest_flow,
-        "shape": shape_loss(output.finest, finest),
+        "shape": shape_loss(output.fine, fine),
         "visibility": coarse_seen + fine_seen,
-        "weight": coarse_weight + fine_weight + finest_weight,
+        "weight": coarse_weight + fine_weight,
         "solved": functional.smooth_l1_loss(
             output.solved / scale, batch.counts / scale, beta=weights.beta
         ),

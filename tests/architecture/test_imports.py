@@ -19,6 +19,7 @@ FLOORS = (
     ("actions",),
     ("rendering",),
     ("observation",),
+    ("regions",),
     ("networks",),
     ("policies",),
     ("estimation",),

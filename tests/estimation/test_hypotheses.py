@@ -4,9 +4,10 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from moveit6d.estimation.hypotheses import DOUBTFUL, Track
+from moveit6d.estimation.hypotheses import DOUBTFUL, LEARNING, Track
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
+from moveit6d.regions import Colours
 
 
 def moving(mesh: Mesh, frame: int) -> Pose:
@@ -49,3 +50,19 @@ def test_belief_comes_back(brick: Mesh) -> None:
     assert not track.believed
     track.add(moving(brick, 1), 1.0)
     assert track.believed and len(track.starts()) == 1
+
+
+def test_colours_are_learnt_from_frames_that_are_believed(brick: Mesh) -> None:
+    first, second = (Colours(np.full(8, v), np.full(8, 1 - v)) for v in (0.0, 1.0))
+    track = Track.begin(brick, moving(brick, 0))
+    track.add(moving(brick, 1), DOUBTFUL - 0.1)
+    track.learn(first)
+    assert track.colours is None
+    track = sure(track, moving(brick, 1))
+    track.learn(None)
+    assert track.colours is None
+    track.learn(first)
+    track.learn(second)
+    assert track.colours is not None
+    np.testing.assert_allclose(track.colours.inside, LEARNING)
+    np.testing.assert_allclose(track.colours.outside, 1 - LEARNING)

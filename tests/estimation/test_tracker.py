@@ -1,16 +1,23 @@
 """The tracker and the estimator: several objects, bad frames, wrong images."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
 
-from moveit6d.actions import difference
+from moveit6d.actions import PoseAction, difference
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseEstimator, PoseTracker, StopReason
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.policies import MoveMode, OraclePolicy
+from moveit6d.geometry.rotation import exp_so3, log_so3
+from moveit6d.geometry.symmetry import ContinuousSymmetry, Symmetries
+from moveit6d.networks.decision import Decision
+from moveit6d.observation import Observation
+from moveit6d.policies import MoveMode, OraclePolicy, Situation
+from tests.support import pictures
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
 GRAY = np.full((240, 320, 3), 90, np.uint8)
@@ -104,3 +111,84 @@ def test_a_reset_to_a_pose_out_of_sight_changes_nothing(brick: Mesh) -> None:
         with pytest.raises(InputError, match=message):
             tracker.reset(poses)
         torch.testing.assert_close(tracker.poses[0].matrix(), at(0.0).matrix())
+
+
+def test_the_outline_has_the_last_word(brick: Mesh) -> None:
+    """The policy is wrong by two counts of shift and of size; the picture shows it."""
+    diameter = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
+    truth = Pose(torch.eye(3).double(), torch.tensor([0.02, -0.01, 0.5], dtype=torch.float64))
+    wrong = PoseAction.of(torch.tensor([2.0, 0, 2.0, 0, 0, 0])).apply(truth, diameter)
+    frame = pictures.picture(brick, truth).permute(1, 2, 0).numpy()
+    far = []
+    for regions in (True, False):
+        policy = OraclePolicy(Pose.stack([wrong]), MoveMode.ALL_AXES)
+        tracker = PoseTracker(
+            brick, pictures.CAMERA, brick.outer(truth), policy=policy, regions=regions
+        )
+        result = tracker.update(frame)[0]
+        assert result.pose is not None
+        torch.testing.assert_close(result.pose.matrix(), tracker.poses[0].matrix())
+        far.append(difference(truth, brick.inner(result.pose), diameter).norm())
+        assert (tracker.tracks[0].colours is not None) == regions
+    assert far[0] < 0.7 * far[1]
+    assert far[1] == pytest.approx(8**0.5, abs=0.1)
+
+
+def test_a_reset_forgets_the_colours(brick: Mesh) -> None:
+    truth = Pose(torch.eye(3).double(), torch.tensor([0.02, -0.01, 0.5], dtype=torch.float64))
+    tracker = PoseTracker(
+        brick, pictures.CAMERA, brick.outer(truth), policy=OraclePolicy(Pose.stack([truth]))
+    )
+    tracker.update(pictures.picture(brick, truth).permute(1, 2, 0).numpy())
+    assert tracker.tracks[0].colours is not None
+    tracker.reset(brick.outer(truth))
+    assert tracker.tracks[0].colours is None
+
+
+class Watcher(OraclePolicy):
+    """Keeps the last rendering that it was shown."""
+
+    def decide(self, seen: Observation, situation: Situation) -> Decision:
+        self.rendering = seen.rendering.clone()
+        return super().decide(seen, situation)
+
+
+def test_what_was_learnt_from_the_first_frame_is_what_the_policy_sees(brick: Mesh) -> None:
+    truth = Pose(torch.eye(3).double(), torch.tensor([0.02, -0.01, 0.5], dtype=torch.float64))
+    policy = Watcher(Pose.stack([truth]))
+    tracker = PoseTracker(brick, pictures.CAMERA, brick.outer(truth), policy=policy)
+    picture = pictures.picture(brick, truth).permute(1, 2, 0).numpy()
+    tracker.update(picture)
+    plain = policy.rendering
+    tracker.reset(brick.outer(truth))
+    tracker.learn(picture[..., ::-1].copy())  # the same object in other colours
+    assert tracker.tracks[0].colours is not None
+    tracker.update(picture)
+    inside = plain.sum(1, keepdim=True) > 0
+    red, _, blue = ((policy.rendering - plain) * inside).sum((0, 2, 3)).tolist()
+    red_before, _, blue_before = (plain * inside).sum((0, 2, 3)).tolist()
+    assert red == pytest.approx(blue_before - red_before, rel=0.35)
+    assert blue == pytest.approx(red_before - blue_before, rel=0.35)
+
+
+def test_a_picture_to_learn_from_must_fit_the_camera(brick: Mesh) -> None:
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=OraclePolicy(Pose.stack([at(0.0)])))
+    with pytest.raises(InputError, match="640×480"):
+        tracker.learn(np.zeros((480, 640, 3), np.uint8))
+
+
+def test_an_object_of_revolution_does_not_spin(brick: Mesh) -> None:
+    axis = ContinuousSymmetry(np.array([0.0, 0.0, 1.0]), brick.center)
+    can = dataclasses.replace(brick, symmetries=Symmetries(continuous=(axis,)))
+    turned = Pose(
+        exp_so3(torch.tensor([0.02, 0.0, 0.5]).double()),
+        torch.tensor([0.01, 0.0, 0.7], dtype=torch.float64),
+    )
+    policy = OraclePolicy(Pose.stack([turned]), MoveMode.ALL_AXES)
+    tracker = PoseTracker(can, CAMERA, can.outer(Pose(torch.eye(3).double(), turned.translation)),
+                          policy=policy, regions=False)  # fmt: skip
+    result = tracker.update(GRAY)[0]
+    assert result.pose is not None
+    spin = log_so3(result.pose.rotation)
+    assert spin[2].abs() < 1e-2 and spin[0] == pytest.approx(0.02, abs=2e-3)
+    torch.testing.assert_close(can.inner(result.pose).translation, turned.translation)

@@ -13,6 +13,7 @@ from ..synthesis.clusters import CLUSTERS
 from . import benchmark_tracking
 from .common import (
     add_machine_options,
+    add_regions_option,
     add_tracking_options,
     add_verb,
     positive,
@@ -87,6 +88,7 @@ def add_parser(verbs: Any) -> None:
     three.add_argument("--number", type=positive, default=200, metavar="N", help="cases")
     three.add_argument("--seed", type=int, default=0, metavar="N", help="of the cases")
     add_tracking_options(three)
+    add_regions_option(three)
     three.set_defaults(run=rendered)
     four = add_verb(kinds, "oracle", "prove the loop", ORACLE, ORACLE_EXAMPLES)
     four.add_argument("--starts", type=positive, default=100, metavar="N", help="loops a mode")
@@ -143,7 +145,8 @@ def rendered(args: argparse.Namespace) -> int:
         number=args.number, seed=args.seed,
     ))  # fmt: skip
     found = list(progress(
-        run_cases(cases, policy, renderer, args.max_steps), len(cases), "refine", "case"
+        run_cases(cases, policy, renderer, args.max_steps, regions=not args.no_regions),
+        len(cases), "refine", "case",
     ))  # fmt: skip
     rows = []
     for name, errors in (

@@ -15,6 +15,7 @@ from .common import (
     DATASET_FORMATS,
     Setting,
     add_jobs_options,
+    add_regions_option,
     add_tracking_options,
     add_verb,
     new_folder,
@@ -95,6 +96,7 @@ def add_kind(kinds: Any) -> None:
     files.add_argument("--resume", action="store_true", help="go on with what --output holds")
     add_jobs_options(parser)
     add_tracking_options(parser)
+    add_regions_option(parser)
     parser.set_defaults(run=run)
 
 
@@ -296,6 +298,7 @@ class Bench:
             **weights_facts(self.args.weights),
             "renderer": job.setting.renderer,
             "max_steps": job.setting.max_steps,
+            "regions": job.setting.regions,
             "protocol": job.protocol.name,
             "first": job.sequence.first,
             "start": [round(n, 9) for n in job.sequence.start.translation.tolist()],

@@ -80,6 +80,15 @@ def add_tracking_options(parser: argparse.ArgumentParser) -> None:
     add_machine_options(group)
 
 
+def add_regions_option(parser: argparse.ArgumentParser) -> None:
+    """Of whatever may polish the poses of the loop."""
+    parser.add_argument(
+        "--no_regions",
+        action="store_true",
+        help="leave the network's poses as they are: no fit of the outline to the colours",
+    )
+
+
 def add_machine_options(group: Any) -> None:
     """Renderer and threads."""
     group.add_argument(
@@ -131,12 +140,14 @@ class Setting:
     renderer: str
     threads: int
     max_steps: int | None
+    regions: bool = True
 
     @staticmethod
     def of(args: argparse.Namespace) -> Setting:
         """By the options of `add_tracking_options`; a weights file is found from anywhere."""
         weights = None if args.weights is None else args.weights.resolve()
-        return Setting(weights, args.renderer, args.threads, args.max_steps)
+        regions = not getattr(args, "no_regions", False)
+        return Setting(weights, args.renderer, args.threads, args.max_steps, regions)
 
 
 @lru_cache(maxsize=1)

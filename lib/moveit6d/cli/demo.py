@@ -9,7 +9,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .common import add_tracking_options, add_verb, new_folder, positive, progress_bar
+from .common import (
+    add_regions_option,
+    add_tracking_options,
+    add_verb,
+    new_folder,
+    positive,
+    progress_bar,
+)
 from .synthesize import LEVELS
 
 if TYPE_CHECKING:
@@ -49,6 +56,7 @@ def add_parser(verbs: Any) -> None:
     )
     parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
     add_tracking_options(parser)
+    add_regions_option(parser)
     parser.set_defaults(run=run)
 
 

@@ -17,6 +17,7 @@ from ..errors import InputError
 from .common import (
     Setting,
     add_jobs_options,
+    add_regions_option,
     add_tracking_options,
     add_verb,
     note,
@@ -75,6 +76,7 @@ def add_parser(verbs: Any) -> None:
     )
     add_jobs_options(parser)
     add_tracking_options(parser)
+    add_regions_option(parser)
     parser.set_defaults(run=run)
 
 
@@ -161,6 +163,7 @@ def refine_image(
 ) -> list[Estimate]:
     """Refine the poses in one image; all of them carry the seconds of the whole image."""
     from ..estimation import Target
+    from ..estimation.last_word import last_word
 
     estimates = job.estimates
     scene, image = estimates[0].scene, estimates[0].image
@@ -171,7 +174,10 @@ def refine_image(
     results: list[TrackingResult] = []
     for first in range(0, len(targets), job.batch):
         some = targets[first : first + job.batch]
-        results += _refine(some, policy, renderer, job.setting.max_steps)
+        found = _refine(some, policy, renderer, job.setting.max_steps)
+        if job.setting.regions:
+            found = [last_word(t, r, renderer)[0] for t, r in zip(some, found, strict=True)]
+        results += found
     seconds = time.perf_counter() - start
     refined = []
     for estimate, result in zip(estimates, results, strict=True):

@@ -168,7 +168,10 @@ def _tracks(
     facts = {**_facts(args, policy, weights), "max_steps": limit, "protocol": PAPER.name}
 
     def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker:
-        return PoseTracker(mesh, camera, start, policy=policy, renderer=renderer, max_steps=limit)
+        return PoseTracker(
+            mesh, camera, start, policy=policy, renderer=renderer, max_steps=limit,
+            regions=False,  # the paper has no such thing
+        )  # fmt: skip
 
     kept = {k: v for k, v in facts.items() if k not in ("only", "versions")}
     kept["data"] = args.data.resolve().name

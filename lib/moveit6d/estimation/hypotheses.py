@@ -12,14 +12,19 @@ import torch
 from torch import Tensor
 
 from ..actions import difference
+from ..geometry.equivalent import nearest_equivalent
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3, log_so3
+from ..regions import Colours
+from .appearance import Appearance
 
 # Confidence under which a pose is not believed.
 DOUBTFUL = 0.5
 # Two starts within so many counts on every axis lead to the same place: one of them is enough.
 SAME = 3.0
+# Part of the colours that each frame replaces (SRT3D's learning rates).
+LEARNING = 0.2
 
 
 @dataclass
@@ -27,7 +32,9 @@ class Track:
     """What a tracker remembers of one object; poses are the mesh file's, float64.
 
     `pose` is the last one found, `velocity` (2, 3) its last turn (radians) and shift (metres) from
-    frame to frame about the object's centre, `trusted` the last one that was believed.
+    frame to frame about the object's centre, `trusted` the last one that was believed; `colours`
+    are the object's and its surroundings' in the frames that were believed, `appearance` is what
+    the object looked like in a frame where its pose was known.
     """
 
     mesh: Mesh
@@ -35,6 +42,8 @@ class Track:
     trusted: Pose
     velocity: Tensor | None = None
     believed: bool = True
+    colours: Colours | None = None
+    appearance: Appearance | None = None
 
     @staticmethod
     def begin(mesh: Mesh, pose: Pose) -> Track:
@@ -53,7 +62,11 @@ class Track:
         return found
 
     def add(self, pose: Pose, confidence: float) -> None:
-        """Go on from the pose of the frame that came."""
+        """Go on from the pose of the frame that came.
+
+        Of a symmetric object's poses it is the one turned least from the last: no can spins.
+        """
+        pose = nearest_equivalent(pose, self.pose, self.mesh.symmetries)
         before, after = self.mesh.inner(self.pose), self.mesh.inner(pose)
         was_believed = self.believed
         self.believed = confidence >= DOUBTFUL
@@ -64,6 +77,12 @@ class Track:
         self.pose = pose
         if self.believed:
             self.trusted = pose
+
+    def learn(self, colours: Colours | None) -> None:
+        """Remember the colours of a frame, if there are any and its pose was believed."""
+        if colours is not None and self.believed:
+            known = self.colours
+            self.colours = colours if known is None else known.blend(colours, LEARNING)
 
     def miss(self) -> None:
         """A frame without a pose: stay where the object was."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -16,9 +17,12 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..policies import Policy, load_policy
+from ..regions import colours_at
 from ..rendering.renderer import Renderer, make_renderer
+from .appearance import Appearance
 from .frame import Frame, prepare_frame
 from .hypotheses import Track
+from .last_word import last_word
 from .loop import StopReason, Target, TrackingResult, check_start, out_of_sight, refine_batch
 
 
@@ -32,6 +36,7 @@ class PoseTracker:
         policy: who decides; the shipped network if None.
         renderer: the back end; embree if None.
         max_steps: limit of cycles a frame; `MAX_STEPS` of the policy's mode if None.
+        regions: after the policy's moves, fit the outline to where the object's colours end.
     """
 
     def __init__(
@@ -43,9 +48,10 @@ class PoseTracker:
         policy: Policy | None = None,
         renderer: Renderer | None = None,
         max_steps: int | None = None,
+        regions: bool = True,
     ) -> None:
         self.meshes = [meshes] if isinstance(meshes, Mesh) else list(meshes)
-        self.camera, self.max_steps = camera, max_steps
+        self.camera, self.max_steps, self.regions = camera, max_steps, regions
         self.tracks: list[Track] = []
         self.reset(start)
         self.policy: Policy = load_policy() if policy is None else policy
@@ -71,6 +77,21 @@ class PoseTracker:
             for mesh, pose in zip(self.meshes, given, strict=True)
         ]
 
+    def learn(self, image: Any) -> None:
+        """Learn what the objects look like from an image in which their present poses are exact.
+
+        For the frame of the start poses, if they are known well: the image's colours then take the
+        place of the meshes' in renderings, and tell the object from its surroundings. `InputError`
+        if the image does not fit the camera.
+        """
+        frame = prepare_frame(image, self.camera)
+        for track in self.tracks:
+            track.appearance = Appearance.of(frame, track.mesh, track.pose, self.renderer)
+            centred = track.mesh.inner(track.pose)
+            track.colours = colours_at(
+                frame.pixels, frame.camera.matrix(), track.mesh, centred, self.renderer
+            )
+
     def update(self, image: Any) -> tuple[TrackingResult, ...]:
         """Results for the next frame, RGB (H, W, 3), one an object.
 
@@ -79,27 +100,37 @@ class PoseTracker:
         """
         begin = time.perf_counter()
         try:
-            results = self._refine(prepare_frame(image, self.camera))
+            frame = prepare_frame(image, self.camera)
+            results = self._refine(frame)
         except InputError as error:
             return (_failed(error, begin),) * len(self.meshes)
-        for track, result in zip(self.tracks, results, strict=True):
-            if result.pose is None:
-                track.miss()
-            else:
-                track.add(result.pose, result.confidence)
-        return tuple(results)
+        return tuple(
+            self._add(frame, track, result)
+            for track, result in zip(self.tracks, results, strict=True)
+        )
+
+    def _add(self, frame: Frame, track: Track, result: TrackingResult) -> TrackingResult:
+        """Go on from a result; its pose is polished first if that is wanted."""
+        colours = None
+        if self.regions and result.pose is not None:
+            target = Target(frame, self.camera, track.mesh, result.pose)
+            result, colours = last_word(target, result, self.renderer, track.colours)
+        if result.pose is None:
+            track.miss()
+            return result
+        track.add(result.pose, result.confidence)
+        track.learn(colours)
+        return replace(result, pose=track.pose)
 
     def _refine(self, frame: Frame) -> list[TrackingResult]:
         """Follow every object from the best of its starts."""
         targets, groups = [], []
         for number, track in enumerate(self.tracks):
-            first, *others = track.starts()
-            targets.append(Target(frame, self.camera, track.mesh, first))
-            groups.append(number)
-            for pose in others:
+            for pose in track.starts():
                 centre = track.mesh.inner(pose).translation
-                if out_of_sight(centre, track.mesh.sphere_diameter, frame.camera) is None:
-                    targets.append(Target(frame, self.camera, track.mesh, pose))
+                first = number not in groups
+                if first or out_of_sight(centre, track.mesh.sphere_diameter, frame.camera) is None:
+                    targets.append(Target(frame, self.camera, track.mesh, pose, track.appearance))
                     groups.append(number)
         return refine_batch(
             targets,

@@ -36,10 +36,10 @@ def run_sequence(
 ) -> Iterator[Step]:
     """Track one sequence from its start pose: one step for each frame after the first.
 
-    The first frame's pose is given and exact, so that the tracker never sees that frame.
+    The first frame's pose is given and exact, so that the tracker only learns from that frame.
     """
     tracker = make_tracker(sequence.load_mesh(), sequence.camera, sequence.start)
-    frames = _after(sequence, sequence.open())
+    frames = _after_learning(sequence, tracker)
     yield from follow_protocol(tracker, frames, sequence.truth, protocol)
 
 
@@ -113,5 +113,10 @@ def score_results(
     return scores
 
 
-def _after(sequence: Sequence, frames: Iterable[Frame]) -> Iterator[Frame]:
-    return (frame for frame in frames if frame.index > sequence.first)
+def _after_learning(sequence: Sequence, tracker: PoseTracker) -> Iterator[Frame]:
+    """The frames after the first one, from which the tracker learns what the object looks like."""
+    for frame in sequence.open():
+        if frame.index == sequence.first and frame.image is not None:
+            tracker.learn(frame.image)
+        if frame.index > sequence.first:
+            yield frame

@@ -26,6 +26,15 @@ class ContinuousSymmetry:
     axis: NDArray[np.float64]
     offset: NDArray[np.float64]
 
+    def turn(self, angle: float) -> NDArray[np.float64]:
+        """The motion (4, 4) by this angle, radians."""
+        x, y, z = self.axis
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        matrix = np.eye(4)
+        matrix[:3, :3] += math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+        matrix[:3, 3] = self.offset - matrix[:3, :3] @ self.offset
+        return matrix
+
 
 @dataclass(frozen=True, eq=False)
 class Symmetries:
@@ -72,20 +81,11 @@ class Symmetries:
         count = math.ceil(360.0 / step_degrees - 1e-9)
         turns = [np.eye(4)]
         for symmetry in self.continuous:
-            turns += [_turn(symmetry, 2 * math.pi * k / count) for k in range(1, count)]
+            turns += [symmetry.turn(2 * math.pi * k / count) for k in range(1, count)]
         others = [m for m in self.discrete if not np.allclose(m, np.eye(4), atol=1e-9)]
         discrete = np.stack([np.eye(4), *others])  # (D, 4, 4)
         composed = np.stack(turns)[None] @ discrete[:, None]  # (D, C, 4, 4)
         return np.ascontiguousarray(composed.reshape(-1, 4, 4))
-
-
-def _turn(symmetry: ContinuousSymmetry, angle: float) -> NDArray[np.float64]:
-    x, y, z = symmetry.axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    matrix = np.eye(4)
-    matrix[:3, :3] += math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
-    matrix[:3, 3] = symmetry.offset - matrix[:3, :3] @ symmetry.offset
-    return matrix
 
 
 def _matrix_from_bop(flat: Any) -> NDArray[np.float64]:

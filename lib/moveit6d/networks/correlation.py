@@ -1,9 +1,9 @@
 """The correlation network: match observation and rendering, then solve for all six counts at once.
 
 Never renders and never applies a move. METHOD 9b and 9e: one encoder for both pictures, local
-correlation at stride 8, again at strides 4 and 2 around the answers before, displacement,
-visibility and weight a cell, a differentiable least squares, and a head with a correction, the 13
-action logits and the confidence.
+correlation at stride 8 and again at stride 4 around the first answers, displacement, visibility and
+weight a cell, a differentiable least squares, and a head with a correction, the 13 action logits
+and the confidence.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from torch.nn import functional
 from ..geometry.crop import PATCH_SIZE
 from ..observation import Observation
 from .blocks import Residual, attention_pool, conv_block
-from .cells import CellAnswer, FinestLevel, pool_cells
+from .cells import CellAnswer
 from .decision import Decision
 from .least_squares import cell_pixels, jacobian, solve_counts, surface_points
 from .matching import BLOCK, centred, correlate, correlate_blocks, warp_cells, window_index
@@ -40,8 +40,6 @@ class CorrelationConfig:
     fine: int = 32  # stride 4: matching and decoder
     radius: int = 4  # of the correlation at stride 8, cells
     fine_radius: int = 3  # at stride 4, cells
-    finest: int = 16  # stride 2
-    finest_radius: int = 1  # at stride 2, cells
     use_depth: bool = True
 
 
@@ -56,7 +54,6 @@ class CorrelationOutput:
     matching: Tensor
     coarse: CellAnswer
     fine: CellAnswer
-    finest: CellAnswer
     solved: Tensor
     confidence_logit: Tensor
     decision: Decision
@@ -88,13 +85,12 @@ class CorrelationNet(nn.Module):
         self.attend = nn.Conv2d(config.decoder, 1, 1)
         fine = config.fine
         self.fine_match = nn.Conv2d(c4, fine, 1)
-        self.fine_context = conv_block(fine + g4 + config.decoder, fine, 1, 1)
+        self.fine_context = conv_block(2 * fine + g4 + config.decoder, fine, 1, 1)
         fine_offsets = (2 * config.fine_radius + 1) ** 2
         self.fine_decode = nn.Sequential(
             conv_block(fine_offsets + fine + 2, fine), conv_block(fine, fine)
         )
         self.fine_answer = nn.Conv2d(fine, 6, 3, 1, 1)
-        self.finest = FinestLevel(c2, g2, fine, config.finest, config.finest_radius)
         self.head = nn.Sequential(
             nn.Linear(config.decoder + fine + 6, 128), nn.ReLU(inplace=True), nn.Linear(128, 20)
         )
@@ -127,12 +123,10 @@ class CorrelationNet(nn.Module):
         # Grey, not black, around the object: a dark one would have no outline.
         rendering = (seen.rendering - _GREY) * seen.mask
         pictures = torch.cat([seen.image - _GREY, rendering])
-        shared2 = self.encode4[0](pictures.contiguous(memory_format=torch.channels_last))
-        shared4 = self.encode4[1:](shared2)
+        shared4 = self.encode4(pictures.contiguous(memory_format=torch.channels_last))
         shared8 = centred(self.encode8(shared4))
         geometry = torch.cat([rendering, depth, seen.mask], 1)
-        geometry2 = self.geometry4[0](geometry.contiguous(memory_format=torch.channels_last))
-        geometry4 = self.geometry4[1:](geometry2)
+        geometry4 = self.geometry4(geometry.contiguous(memory_format=torch.channels_last))
         image8, render8 = shared8[:batch], shared8[batch:]
 
         correlation = correlate(
@@ -152,8 +146,7 @@ class CorrelationNet(nn.Module):
         coarse = _cells(self.answer(hidden), first * 8, 8.0)
 
         fine, fine_hidden = self._refine(shared4, geometry4, hidden, coarse, batch)
-        finest = self.finest(shared2, geometry2, fine_hidden, fine)
-        solved = self._solve(seen, depth, finest)
+        solved = self._solve(seen, depth, fine)
 
         attention = torch.sigmoid(self.attend(hidden))
         object_cells = functional.max_pool2d(seen.mask, 4)
@@ -170,19 +163,18 @@ class CorrelationNet(nn.Module):
         confidence = values[:, 19]
         decision = Decision(values[:, 6:19], counts, torch.sigmoid(confidence), attention)
         return CorrelationOutput(
-            matching.flatten(2).mT, coarse, fine, finest, solved, confidence, decision
+            matching.flatten(2).mT, coarse, fine, solved, confidence, decision
         )  # fmt: skip
 
-    def _solve(self, seen: Observation, depth: Tensor, finest: CellAnswer) -> Tensor:
+    def _solve(self, seen: Observation, depth: Tensor, cells: CellAnswer) -> Tensor:
         """The six counts (B, 6) that the cells' answers amount to."""
-        used = pool_cells(finest)  # four times fewer equations, as exact
         points = surface_points(depth, seen.distance, self.fine_pixels)
         covered = seen.mask[:, 0, self.fine_pixels[:, 1], self.fine_pixels[:, 0]]
-        weight = torch.sigmoid(used.weight).flatten(1) * covered
-        moves = used.displacement.flatten(2).mT
+        weight = torch.sigmoid(cells.weight).flatten(1) * covered
+        moves = cells.displacement.flatten(2).mT
         slopes = jacobian(points, seen.distance)
         return solve_counts(
-            moves, weight, used.shape.flatten(2).mT, slopes, self.damping.exp()
+            moves, weight, cells.shape.flatten(2).mT, slopes, self.damping.exp()
         )  # fmt: skip
 
     def _refine(
@@ -198,7 +190,8 @@ class CorrelationNet(nn.Module):
         warped = warp_cells(image4, start, 4)
         correlation = correlate_blocks(render4, warped, self.fine_index, self.config.fine_radius)
         wide = functional.interpolate(hidden, scale_factor=2.0, mode="nearest")
-        context = self.fine_context(torch.cat([matched[batch:], geometry4, wide], 1))
+        # The image's own features too: behind an outline the rendering has nothing to compare with.
+        context = self.fine_context(torch.cat([matched[batch:], warped * 2, geometry4, wide], 1))
         fine = self.fine_decode(torch.cat([correlation * 4, start / 16, context], 1))
         return _cells(self.fine_answer(fine), start, 4.0), fine
 

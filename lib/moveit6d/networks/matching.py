@@ -1,6 +1,7 @@
 """Local correlation: each cell of the rendering against the cells of the image around it.
 
-Never learns anything: index tables and matrix products.
+Never learns anything: index tables and matrix products. Answers are channels_last in memory, as the
+convolutions after them want them.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def correlate(render: Tensor, image: Tensor, index: Tensor, radius: int) -> Tens
     padded = functional.pad(image, [radius] * 4).flatten(2)
     products = render.flatten(2).mT @ padded
     window = products.gather(2, index[None].expand(batch, -1, -1))
-    return window.mT.reshape(batch, -1, n, n)
+    return window.reshape(batch, n, n, -1).permute(0, 3, 1, 2)
 
 
 def correlate_blocks(render: Tensor, image: Tensor, index: Tensor, radius: int) -> Tensor:
@@ -49,20 +50,7 @@ def correlate_blocks(render: Tensor, image: Tensor, index: Tensor, radius: int) 
     windows = windows.permute(0, 2, 3, 1, 4, 5).reshape(-1, channels, width * width)
     products = (cells @ windows).gather(2, index[None].expand(len(cells), -1, -1))
     products = products.reshape(batch, blocks, blocks, BLOCK, BLOCK, -1)
-    return products.permute(0, 5, 1, 3, 2, 4).reshape(batch, -1, n, n)
-
-
-def correlate_shifted(render: Tensor, image: Tensor, radius: int) -> Tensor:
-    """As `correlate` for a small radius: one product of whole pictures an offset."""
-    size = render.shape[-1]
-    padded = functional.pad(image, [radius] * 4)
-    shifts = range(2 * radius + 1)
-    products = [
-        (render * padded[:, :, dy : dy + size, dx : dx + size]).sum(1)
-        for dy in shifts
-        for dx in shifts
-    ]
-    return torch.stack(products, 1)
+    return products.transpose(2, 3).reshape(batch, n, n, -1).permute(0, 3, 1, 2)
 
 
 def warp_cells(features: Tensor, displacement: Tensor, stride: int) -> Tensor:

@@ -135,6 +135,7 @@ def index_page(title: str, verdict: str, text: str, table: Mapping[str, Any]) ->
     `table` has `heading`, `head` (names) and `rows`, each a list of cells; a cell is a text or a
     pair of text and address.
     """
+
     def cells(row: Sequence[str | tuple[str, str]]) -> list[dict[str, Any]]:
         return [{**_cell(cell), "text": k == 0} for k, cell in enumerate(row)]
 

@@ -1,0 +1,10 @@
+"""Region refinement: the outline of the object, fitted to where its colours end.
+
+What region-based trackers do (Stoiber et al., SRT3D, IJCV 2022), as the last word after the
+network. Never knows a network and never remembers anything; trackers keep the colours.
+"""
+
+from .colours import Colours, learn_colours
+from .refinement import Polished, colours_at, polish
+
+__all__ = ["Colours", "Polished", "colours_at", "learn_colours", "polish"]

@@ -1,0 +1,94 @@
+"""Which colours are the object's and which are those around it: two histograms.
+
+Never knows poses or meshes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float32]
+Picture = NDArray[np.uint8]
+
+BINS = 32  # a channel
+BLUR = 1.0  # bins: colours that nobody has seen yet lie beside colours that were
+BAND = 16  # pixels inside and outside of the outline whose colours are learnt
+ENOUGH = 30  # pixels on either side without which nothing is learnt
+RARE = 1e-6  # density under which a colour says nothing
+SUREST = 0.02  # what a single pixel may be wrong with at least
+
+
+@dataclass(frozen=True)
+class Colours:
+    """Densities (BINS³,) of colours on the object and beside it; each sums to 1."""
+
+    inside: Float
+    outside: Float
+
+    def blend(self, new: Colours, rate: float) -> Colours:
+        """These colours, a part `rate` of them forgotten for the new ones."""
+        return Colours(
+            self.inside + np.float32(rate) * (new.inside - self.inside),
+            self.outside + np.float32(rate) * (new.outside - self.outside),
+        )
+
+    def log_odds(self, patch: Picture, seen: NDArray[np.bool_]) -> Float:
+        """Logarithm of how much likelier each pixel (H, W, 3) is the object's: (H, W).
+
+        Both are as likely before its colour is known. 0 where nothing is `seen` (H, W).
+        """
+        share = (self.inside + RARE) / (self.inside + self.outside + 2 * RARE)
+        share = SUREST + (1 - 2 * SUREST) * share
+        table = np.log(share / (1 - share)).astype(np.float32)
+        odds: Float = np.where(seen, table[colour_bins(patch)], np.float32(0))
+        return odds
+
+
+def learn_colours(
+    patch: Picture, mask: NDArray[np.bool_], seen: NDArray[np.bool_]
+) -> Colours | None:
+    """The colours of a patch (H, W, 3) in the bands along the outline of a mask (H, W).
+
+    Only pixels that are `seen` (H, W) count; None if there are too few on either side.
+    """
+    import cv2
+
+    inner, outer = mask.astype(np.uint8), (~mask).astype(np.uint8)
+    bands = [
+        (side > 0) & seen & (cv2.distanceTransform(side, cv2.DIST_L2, 3) <= BAND)
+        for side in (inner, outer)
+    ]
+    if min(int(band.sum()) for band in bands) < ENOUGH:
+        return None
+    bins = colour_bins(patch)
+    return Colours(_density(bins[bands[0]]), _density(bins[bands[1]]))
+
+
+def colour_bins(patch: Picture) -> NDArray[np.int32]:
+    """The bin of each pixel: (..., 3) → (...)."""
+    r, g, b = np.moveaxis(patch.astype(np.int32) * BINS >> 8, -1, 0)
+    bins: NDArray[np.int32] = (r * BINS + g) * BINS + b
+    return bins
+
+
+def _density(bins: NDArray[np.int32]) -> Float:
+    """How common each colour is, blurred in all three channels."""
+    counts = np.bincount(bins, minlength=BINS**3).astype(np.float32)
+    cube = counts.reshape(BINS, BINS, BINS)
+    for axis in range(3):
+        cube = np.tensordot(_BLUR, cube, (1, axis))  # the blurred axis comes out first
+    cube = cube.transpose(2, 1, 0)
+    return np.asarray(cube.reshape(-1) / len(bins), np.float32)
+
+
+def _blur_matrix() -> Float:
+    """Gaussian blur of BINS values as a matrix whose columns sum to 1: nothing gets lost."""
+    line = np.arange(BINS)
+    matrix = np.exp(-0.5 * ((line[:, None] - line) / BLUR) ** 2)
+    return np.asarray(matrix / matrix.sum(0), np.float32)
+
+
+_BLUR = _blur_matrix()

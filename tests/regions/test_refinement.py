@@ -1,0 +1,113 @@
+"""The whole refinement on made pictures: it helps, it holds, and it leaves alone."""
+
+import numpy as np
+import pytest
+import torch
+
+from moveit6d.actions import PoseAction, difference
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.pose import Pose
+from moveit6d.geometry.rotation import exp_so3
+from moveit6d.regions import Colours, polish
+from moveit6d.regions.refinement import jacobian
+from moveit6d.rendering import make_renderer
+from tests.support.meshes import colored_box
+from tests.support.pictures import CAMERA, mottled, picture
+
+K = CAMERA.matrix()
+
+
+@pytest.fixture(scope="module")
+def box() -> Mesh:
+    return colored_box()
+
+
+@pytest.fixture(scope="module")
+def truth() -> Pose:
+    turn = exp_so3(torch.tensor([0.5, -0.7, 0.3], dtype=torch.float64))
+    return Pose(turn, torch.tensor([0.02, -0.01, 0.4], dtype=torch.float64))
+
+
+def size(mesh: Mesh) -> torch.Tensor:
+    return torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
+
+
+def moved(pose: Pose, mesh: Mesh, *counts: float) -> Pose:
+    return PoseAction.of(torch.tensor(counts, dtype=torch.float64)).apply(pose, size(mesh))
+
+
+def off(pose: Pose, truth: Pose, mesh: Mesh) -> torch.Tensor:
+    return difference(truth, pose, size(mesh))
+
+
+def known(mesh: Mesh, truth: Pose) -> Colours:
+    """The colours of a frame before, with the object at its true place."""
+    before = polish(picture(mesh, truth, mottled(1)), K, mesh, truth, make_renderer())
+    assert before.colours is not None
+    return before.colours
+
+
+START = [(2.0, 0, 0, 0, 0, 0), (0, -2.0, 0, 0, 0, 0), (0, 0, 2.0, 0, 0, 0), (0, 0, -2.0, 0, 0, 0)]
+
+
+@pytest.mark.parametrize("counts", START)
+def test_two_counts_of_error_become_less_than_one(
+    box: Mesh, truth: Pose, counts: tuple[float, ...]
+) -> None:
+    image, start = picture(box, truth), moved(truth, box, *counts)
+    found = polish(image, K, box, start, make_renderer(), known(box, truth))
+    assert off(found.pose, truth, box)[:3].abs().max() < 0.7
+    assert off(found.pose, truth, box).norm() < 0.5 * off(start, truth, box).norm()
+    assert found.agreement > 0.8 and found.colours is not None
+
+
+def test_the_colours_of_the_very_image_do_as_well(box: Mesh, truth: Pose) -> None:
+    start = moved(truth, box, 1.0, -1.0, 1.5, 0, 0, 0)
+    found = polish(picture(box, truth), K, box, start, make_renderer())
+    assert off(found.pose, truth, box).norm() < 0.6 * off(start, truth, box).norm()
+
+
+def test_a_right_pose_stays(box: Mesh, truth: Pose) -> None:
+    found = polish(picture(box, truth), K, box, truth, make_renderer(), known(box, truth))
+    assert off(found.pose, truth, box).abs().max() < 0.5
+
+
+def test_something_that_covers_half_does_not_pull_the_object_away(box: Mesh, truth: Pose) -> None:
+    image = picture(box, truth)
+    image[:, 118:] = torch.from_numpy(mottled(2, (200, 190, 185))).permute(2, 0, 1)[:, 118:]
+    found = polish(image, K, box, truth, make_renderer(), known(box, truth))
+    assert off(found.pose, truth, box)[:3].abs().max() < 1.0
+    clear = polish(picture(box, truth), K, box, truth, make_renderer(), known(box, truth))
+    assert found.agreement < clear.agreement - 0.2
+
+
+def test_a_plain_image_moves_nothing(box: Mesh, truth: Pose) -> None:
+    gray = torch.full((3, 256, 256), 90, dtype=torch.uint8)
+    for colours in (None, known(box, truth)):
+        found = polish(gray, K, box, truth, make_renderer(), colours)
+        assert off(found.pose, truth, box).abs().max() < (1e-6 if colours is None else 1.5)
+        assert found.agreement < 0.1
+
+
+def test_an_object_out_of_the_image_stays_where_it_is(box: Mesh, truth: Pose) -> None:
+    away = Pose(truth.rotation, truth.translation + torch.tensor([5.0, 0.0, 0.0]))
+    found = polish(picture(box, truth), K, box, away, make_renderer())
+    assert found.pose is away and found.agreement == 0 and found.colours is None
+
+
+def test_the_jacobian_is_that_of_the_actions(box: Mesh, truth: Pose) -> None:
+    """Finite differences of `PoseAction.apply`, for an object on the camera's axis."""
+    pose = Pose(truth.rotation, torch.tensor([0.0, 0.0, 0.4], dtype=torch.float64))
+    points = torch.from_numpy(box.vertices.astype(np.float64))
+    focal = 128 / 1.4 * 0.4 / box.sphere_diameter  # the patch's
+
+    def pixels(counts: torch.Tensor) -> np.ndarray:
+        seen = PoseAction.of(counts).apply(pose, size(box)).transform(points)
+        return (seen[:, :2] / seen[:, 2:] * focal).numpy()
+
+    found = jacobian(pose.transform(points).numpy(), pose.translation.numpy(), focal)
+    for axis in range(6):
+        step = torch.zeros(6, dtype=torch.float64)
+        step[axis] = 1e-4
+        slope = (pixels(step) - pixels(-step)) / 2e-4
+        np.testing.assert_allclose(found[:, :, axis], slope, atol=1e-5)
