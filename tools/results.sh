@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Measure the shipped model on the evaluation data and write docs/results/ anew.
 #
-#   tools/results.sh SHARED [sequences|videos|images|rendered|stand_ins|cycle|oracle ...]
+#   tools/results.sh SHARED [sequences|videos|images|rendered|options|stand_ins|cycle|oracle ...]
 #
 # SHARED holds bench/ and data/ (see docs/results/README.md). Without names, all of them: about an
 # hour on two cores. Nothing of this data is used for training.
@@ -47,9 +47,23 @@ rendered() {
     local start
     printf '# Rendered objects that were never trained on\n\n'
     for start in "all_small 0" "all_large 0" "all_large 1"; do
-        plain benchmark rendered --objects "$shared/data/dev_objects" \
-            --photos "$shared/data/dev_photos" --cluster "${start% *}" --covered "${start#* }"
+        one_rendered "$start"
     done
+}
+one_rendered() { # "CLUSTER COVERED" and further options
+    plain benchmark rendered --objects "$shared/data/dev_objects" \
+        --photos "$shared/data/dev_photos" --cluster "${1% *}" --covered "${1#* }" "${@:2}"
+}
+options() {
+    local start
+    printf '# What single options bring\n\nThe shipped network in the paper'"'"'s mode of single actions; '
+    printf 'without the last word of the outline; without the first frame'"'"'s colours.\n\n'
+    for start in "all_small 0" "all_large 0"; do
+        one_rendered "$start" --no_regions
+        one_rendered "$start" --no_regions --single_actions
+    done
+    run benchmark tracking --sequences "$shared/bench/sequences" --no_learning
+    run benchmark tracking --sequences "$shared/bench/sequences" --no_learning --no_regions
 }
 stand_ins() {
     local objects=$shared/data/dev_objects dino=gso_dino_figure_occlusion_0 boot=gso_boot_occlusion_0
@@ -86,7 +100,7 @@ oracle() {
     plain benchmark oracle --starts 100 --renderer pyrender  # software OpenGL is slow
 }
 
-for name in "${@:-sequences videos images rendered stand_ins cycle oracle}"; do
+for name in "${@:-sequences videos images rendered options stand_ins cycle oracle}"; do
     for section in $name; do
         "$section" >"$work/$section.md"
         mv "$work/$section.md" "docs/results/$section.md"

@@ -97,6 +97,11 @@ def add_kind(kinds: Any) -> None:
     add_jobs_options(parser)
     add_tracking_options(parser)
     add_regions_option(parser)
+    parser.add_argument(
+        "--no_learning",
+        action="store_true",
+        help="learn no colours from the first frame, whose pose is given",
+    )
     parser.set_defaults(run=run)
 
 
@@ -299,6 +304,8 @@ class Bench:
             "renderer": job.setting.renderer,
             "max_steps": job.setting.max_steps,
             "regions": job.setting.regions,
+            "single_actions": job.setting.single_actions,
+            "learning": job.setting.learning,
             "protocol": job.protocol.name,
             "first": job.sequence.first,
             "start": [round(n, 9) for n in job.sequence.start.translation.tolist()],

@@ -75,7 +75,12 @@ def add_tracking_options(parser: argparse.ArgumentParser) -> None:
         "--max_steps",
         type=positive,
         metavar="N",
-        help="cycles a frame at most (default: 6, for networks of single actions 30)",
+        help="cycles a frame at most (default: 6, with single actions 30)",
+    )
+    group.add_argument(
+        "--single_actions",
+        action="store_true",
+        help="one of the 13 actions a cycle, as in the paper, instead of all six axes at once",
     )
     add_machine_options(group)
 
@@ -141,32 +146,44 @@ class Setting:
     threads: int
     max_steps: int | None
     regions: bool = True
+    single_actions: bool = False
+    learning: bool = True
 
     @staticmethod
     def of(args: argparse.Namespace) -> Setting:
         """By the options of `add_tracking_options`; a weights file is found from anywhere."""
         weights = None if args.weights is None else args.weights.resolve()
         regions = not getattr(args, "no_regions", False)
-        return Setting(weights, args.renderer, args.threads, args.max_steps, regions)
+        single = getattr(args, "single_actions", False)
+        learning = not getattr(args, "no_learning", False)
+        return Setting(
+            weights, args.renderer, args.threads, args.max_steps, regions, single, learning
+        )
 
 
 @lru_cache(maxsize=1)
 def tools(setting: Setting) -> tuple[Policy, Renderer]:
     """Policy and renderer of a worker process, made once."""
-    return _make_tools(setting.weights, setting.renderer, setting.threads)
+    return _make_tools(
+        setting.weights, setting.renderer, setting.threads, setting.single_actions
+    )  # fmt: skip
 
 
 def set_up(args: argparse.Namespace) -> tuple[Policy, Renderer]:
     """Policy and renderer by the options of `add_tracking_options`."""
-    return _make_tools(args.weights, args.renderer, args.threads)
+    single = getattr(args, "single_actions", False)
+    return _make_tools(args.weights, args.renderer, args.threads, single)
 
 
-def _make_tools(weights: Path | None, renderer: str, threads: int) -> tuple[Policy, Renderer]:
-    from ..policies import load_policy
+def _make_tools(
+    weights: Path | None, renderer: str, threads: int, single_actions: bool
+) -> tuple[Policy, Renderer]:
+    from ..policies import MoveMode, load_policy
     from ..rendering.renderer import make_renderer
 
     use_threads(threads)
-    return load_policy(weights), make_renderer(renderer)
+    mode = MoveMode.SINGLE if single_actions else None
+    return load_policy(weights, mode), make_renderer(renderer)
 
 
 def progress(

@@ -86,6 +86,7 @@ def run(args: argparse.Namespace) -> int:
         "camera": folder / "camera.json",
         "start": folder / "start.json",
         "output": args.output / "track",
+        "exact_start": True,
         "report": None,
         "rerun": None,
     }

@@ -75,7 +75,7 @@ def track_job(
         )  # fmt: skip
 
     gathered = Gathered()
-    steps = run_sequence(job.sequence, make_tracker, job.protocol)
+    steps = run_sequence(job.sequence, make_tracker, job.protocol, job.setting.learning)
     watched = _with_bar(job.sequence, steps) if bar else steps
     gathered.rows = gather(job.sequence, _drawn(job, watched, renderer, gathered), path)
     return Tracked(gathered.rows, page_of(job, gathered, renderer) if job.page else None)

@@ -6,8 +6,8 @@ Never more than reading, the tracker's update for each frame, and writing.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,8 @@ from .common import (
 from .reporting import check_report, reporting, rerun_log
 
 if TYPE_CHECKING:
+    from ..datasets.video import Frame
+    from ..estimation import PoseTracker
     from ..evaluation.rollout import Record
 
 DESCRIPTION = """\
@@ -83,6 +85,11 @@ def add_parser(verbs: Any) -> None:
     needed.add_argument(
         "--output", type=Path, required=True, metavar="DIR", help="folder for the results"
     )
+    parser.add_argument(
+        "--exact_start",
+        action="store_true",
+        help="the start pose is exact: learn the object's colours from the first frame",
+    )
     parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
     parser.add_argument("--rerun", type=Path, metavar="FILE", help="write an .rrd for rerun")
@@ -121,7 +128,8 @@ def run(args: argparse.Namespace) -> int:
         # A camera read ahead would show the past.
         ahead = frames if isinstance(frames, LiveCamera) else Prefetched(frames)
         watched = progress(ahead, frames.length, "track")
-        for step in complaining(follow(tracker, watched)):
+        known = _learning(tracker, watched) if args.exact_start else watched
+        for step in complaining(follow(tracker, known)):
             table.write(step.row)
             record.add(step)
             page.add(step)
@@ -130,6 +138,15 @@ def run(args: argparse.Namespace) -> int:
             if log is not None:
                 log.write(step.frame, step.row, step.error)
     return _verdict(record, output)
+
+
+def _learning(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Frame]:
+    """The frames, from the first of which the tracker learns; `follow` says if it does not fit."""
+    for number, frame in enumerate(frames):
+        if number == 0 and frame.image is not None:
+            with suppress(InputError):
+                tracker.learn(frame.image)
+        yield frame
 
 
 def _about(args: argparse.Namespace) -> dict[str, str]:

@@ -17,7 +17,6 @@ from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3, log_so3
 from ..regions import Colours
-from .appearance import Appearance
 
 # Confidence under which a pose is not believed.
 DOUBTFUL = 0.5
@@ -33,8 +32,7 @@ class Track:
 
     `pose` is the last one found, `velocity` (2, 3) its last turn (radians) and shift (metres) from
     frame to frame about the object's centre, `trusted` the last one that was believed; `colours`
-    are the object's and its surroundings' in the frames that were believed, `appearance` is what
-    the object looked like in a frame where its pose was known.
+    are the object's and its surroundings' in the frames that were believed.
     """
 
     mesh: Mesh
@@ -43,7 +41,6 @@ class Track:
     velocity: Tensor | None = None
     believed: bool = True
     colours: Colours | None = None
-    appearance: Appearance | None = None
 
     @staticmethod
     def begin(mesh: Mesh, pose: Pose) -> Track:

@@ -23,7 +23,6 @@ from ..geometry.pose import Pose
 from ..observation import Observation, observe
 from ..policies import MoveMode, Policy, Situation, choose_move
 from ..rendering.renderer import Renderer
-from .appearance import Appearance
 from .frame import Frame, prepare_frame
 
 # Cycles at most: the paper's limit for single steps. With all axes at once six cost about half the
@@ -46,15 +45,13 @@ class StopReason(StrEnum):
 class Target:
     """One object to look for in one image; the pose is in the mesh file's frame.
 
-    `image` is RGB (H, W, 3), or a `Frame` if several targets or loops share it; `appearance` is
-    what the object is known to look like, if that is better known than from the mesh.
+    `image` is RGB (H, W, 3), or a `Frame` if several targets or loops share it.
     """
 
     image: Any
     camera: Camera
     mesh: Mesh
     pose: Pose
-    appearance: Appearance | None = None
 
 
 @dataclass(frozen=True)
@@ -146,7 +143,6 @@ class _Scene:
     cameras: list[Camera]
     intrinsics: list[Tensor]
     meshes: list[Mesh]
-    appearances: list[Appearance | None]
     diameter: Tensor
     pose: Pose
 
@@ -166,7 +162,6 @@ class _Scene:
             [frame.camera for frame in frames],
             [frame.camera.matrix() for frame in frames],
             [target.mesh for target in targets],
-            [target.appearance for target in targets],
             torch.tensor([t.mesh.sphere_diameter for t in targets], dtype=torch.float64),
             Pose.stack(poses),
         )
@@ -184,17 +179,8 @@ class _Scene:
             for row, i in enumerate(chosen)
         ]
         meshes = [self.meshes[i] for i in chosen]
-        virtual = view.to_virtual(pose)
-        gbuffer = renderer.render(meshes, virtual, view.intrinsics)
-        seen = observe(torch.stack(patches), gbuffer, view, self.diameter[active])
-        for row, i in enumerate(chosen):
-            appearance = self.appearances[i]
-            if appearance is not None:
-                alone = gbuffer.row(row)
-                seen.rendering[row] = appearance.paint(
-                    seen.rendering[row], alone, view.intrinsics[row], virtual[row]
-                )
-        return seen
+        gbuffer = renderer.render(meshes, view.to_virtual(pose), view.intrinsics)
+        return observe(torch.stack(patches), gbuffer, view, self.diameter[active])
 
 
 class _Trail:

@@ -19,7 +19,6 @@ from ..geometry.pose import Pose
 from ..policies import Policy, load_policy
 from ..regions import colours_at
 from ..rendering.renderer import Renderer, make_renderer
-from .appearance import Appearance
 from .frame import Frame, prepare_frame
 from .hypotheses import Track
 from .last_word import last_word
@@ -78,15 +77,13 @@ class PoseTracker:
         ]
 
     def learn(self, image: Any) -> None:
-        """Learn what the objects look like from an image in which their present poses are exact.
+        """Learn the objects' colours from an image in which their present poses are exact.
 
-        For the frame of the start poses, if they are known well: the image's colours then take the
-        place of the meshes' in renderings, and tell the object from its surroundings. `InputError`
-        if the image does not fit the camera.
+        For the frame of the start poses, if they are known well: the colours tell each object from
+        its surroundings (`regions`). `InputError` if the image does not fit the camera.
         """
         frame = prepare_frame(image, self.camera)
         for track in self.tracks:
-            track.appearance = Appearance.of(frame, track.mesh, track.pose, self.renderer)
             centred = track.mesh.inner(track.pose)
             track.colours = colours_at(
                 frame.pixels, frame.camera.matrix(), track.mesh, centred, self.renderer
@@ -130,7 +127,7 @@ class PoseTracker:
                 centre = track.mesh.inner(pose).translation
                 first = number not in groups
                 if first or out_of_sight(centre, track.mesh.sphere_diameter, frame.camera) is None:
-                    targets.append(Target(frame, self.camera, track.mesh, pose, track.appearance))
+                    targets.append(Target(frame, self.camera, track.mesh, pose))
                     groups.append(number)
         return refine_batch(
             targets,

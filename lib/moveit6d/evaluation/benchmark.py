@@ -32,14 +32,18 @@ OWN_COLUMNS = (*RESULT_COLUMNS, "steps", "stopped_by", "confidence", "reset")
 
 
 def run_sequence(
-    sequence: Sequence, make_tracker: MakeTracker, protocol: Protocol = NO_RESET
+    sequence: Sequence,
+    make_tracker: MakeTracker,
+    protocol: Protocol = NO_RESET,
+    learning: bool = True,
 ) -> Iterator[Step]:
     """Track one sequence from its start pose: one step for each frame after the first.
 
-    The first frame's pose is given and exact, so that the tracker only learns from that frame.
+    The first frame's pose is given and exact: the tracker may learn the object's colours from that
+    frame, and does not follow it.
     """
     tracker = make_tracker(sequence.load_mesh(), sequence.camera, sequence.start)
-    frames = _after_learning(sequence, tracker)
+    frames = _after_first(sequence, tracker, learning)
     yield from follow_protocol(tracker, frames, sequence.truth, protocol)
 
 
@@ -113,10 +117,10 @@ def score_results(
     return scores
 
 
-def _after_learning(sequence: Sequence, tracker: PoseTracker) -> Iterator[Frame]:
-    """The frames after the first one, from which the tracker learns what the object looks like."""
+def _after_first(sequence: Sequence, tracker: PoseTracker, learning: bool) -> Iterator[Frame]:
+    """The frames after the first one; from that the tracker learns if it is to."""
     for frame in sequence.open():
-        if frame.index == sequence.first and frame.image is not None:
+        if learning and frame.index == sequence.first and frame.image is not None:
             tracker.learn(frame.image)
         if frame.index > sequence.first:
             yield frame

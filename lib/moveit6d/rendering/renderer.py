@@ -30,11 +30,6 @@ class GBuffer:
     depth: Tensor  # (B, 1, H, W) metres along z
     mask: Tensor  # (B, 1, H, W) 0 or 1
 
-    def row(self, number: int) -> GBuffer:
-        """One patch of the batch, as a batch of one."""
-        rows = slice(number, number + 1)
-        return GBuffer(self.albedo[rows], self.normal[rows], self.depth[rows], self.mask[rows])
-
 
 class Renderer(Protocol):
     """A back end. Implementations differ in speed and needs, not in what they return."""
