@@ -20,7 +20,7 @@ def use_oracle(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     def use(mesh: Mesh, pose: Pose, targets: int = 1) -> None:
         oracle = OraclePolicy(Pose.stack([mesh.inner(pose)] * targets))
 
-        def load(path: Path | None = None) -> Any:
+        def load(path: Path | None = None, mode: Any = None) -> Any:
             return oracle
 
         monkeypatch.setattr("moveit6d.policies.load_policy", load)

@@ -21,7 +21,7 @@ def weights(monkeypatch: pytest.MonkeyPatch) -> None:
     class Loaded:
         source = "a model (sha256 0123)"
 
-    monkeypatch.setattr(policies, "load_policy", lambda path=None: Loaded())
+    monkeypatch.setattr(policies, "load_policy", lambda path=None, mode=None: Loaded())
 
 
 def without(name: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -58,7 +58,7 @@ def test_the_paper_s_motion_blur_is_in_three_quarters_with_its_sigma() -> None:
 
 
 def test_our_blur_is_defocus_and_in_half_of_it_motion() -> None:
-    config = AugmentConfig(blurred=1.0, defocus=(0.8, 1.4), motion=(8.0, 8.0))
+    config = AugmentConfig(blurred=1.0, smeared=0.5, defocus=(0.8, 1.4), motion=(8.0, 8.0))
     along, across = widths(blur(dots(600), config, dice()))
     assert across.min() > 0.75 and across.max() < 1.45
     moved = (along > across + 0.3).float()

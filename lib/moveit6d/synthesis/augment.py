@@ -29,22 +29,22 @@ class AugmentConfig:
     # Blur and colour of the whole picture, as a camera makes them, or of the object and of each
     # occluder before they are put in front of the photo, as in the paper.
     acts_on: Literal["picture", "objects"] = "picture"
-    occluded: float = 0.6  # share of patches with anything in front of the object
+    occluded: float = 0.55  # share of patches with anything in front of the object
     occluders: int = 3  # at most; each number is as likely
     occluder_scale: Range = (0.2, 1.1)  # of the patch
     occluder_turned: bool = True  # whether occluders are turned in the picture
     photo_occluder: float = 0.45  # share of occluders cut from photos instead of other objects
     cropped: float = 0.0  # share of which only a rectangle shows, the photo around it
     crop: Range = (72.0, 96.0)  # height and width of that rectangle
-    cluttered: float = 0.5  # share with another object behind
+    cluttered: float = 0.4  # share with another object behind
     twins: float = 0.3  # share of those whose other object is the same one: alike in colour
     background_blurred: float = 0.0  # share of photos that lie out of focus
     background_blur: Range = (0.5, 3.5)  # standard deviation
     shadowed: float = 0.3  # share with the edge of a shadow across the picture
     shadow: Range = (0.35, 0.8)  # what brightness a shadow leaves
-    blurred: float = 0.5
+    blurred: float = 0.4
     defocus: Range = (0.2, 1.4)  # standard deviation
-    smeared: float = 0.5  # share of the blurred ones that moved as well
+    smeared: float = 0.4  # share of the blurred ones that moved as well
     motion: Range = (0.0, 16.0)  # length of the smear …
     motion_sigma: float = 0.0  # … or, above 0, |N(0, σ)| patch widths
     radial: float = 0.0  # share with a radial (zoom) blur

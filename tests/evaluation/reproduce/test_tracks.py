@@ -40,7 +40,7 @@ class Counting:
     def __call__(self, mesh: Any, camera: Any, start: Any) -> PoseTracker:
         self.made += 1
         policy = OraclePolicy(Pose.stack([mesh.inner(start)]), MoveMode.ALL_AXES)
-        return PoseTracker(mesh, camera, start, policy=policy)
+        return PoseTracker(mesh, camera, start, policy=policy, regions=False)
 
 
 def setting(
