@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from moveit6d.estimation import PoseTracker
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import OraclePolicy
@@ -26,3 +28,21 @@ def use_oracle(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
         monkeypatch.setattr("moveit6d.policies.load_policy", load)
 
     return use
+
+
+@pytest.fixture
+def interrupt_update(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """Presses Ctrl-C at the tracker's n-th frame, counted from 1 over all trackers."""
+    update = PoseTracker.update
+
+    def interrupt(number: int) -> None:
+        calls = count(1)
+
+        def stop(self: PoseTracker, image: Any) -> Any:
+            if next(calls) == number:
+                raise KeyboardInterrupt
+            return update(self, image)
+
+        monkeypatch.setattr(PoseTracker, "update", stop)
+
+    return interrupt

@@ -119,16 +119,9 @@ def test_every_sequence_gets_a_fresh_tracker(
 
 
 def test_ctrl_c_prints_what_was_done(
-    sequences: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+    sequences: Path, tmp_path: Path, interrupt_update: Callable[[int], None], capsys: Any
 ) -> None:
-    update, calls = PoseTracker.update, iter(range(99))
-
-    def stop_at_fifth(self: PoseTracker, image: Any) -> Any:
-        if next(calls) == 4:
-            raise KeyboardInterrupt
-        return update(self, image)
-
-    monkeypatch.setattr(PoseTracker, "update", stop_at_fifth)
+    interrupt_update(5)
     out = tmp_path / "ours"
     assert main(["benchmark", "tracking", "--sequences", str(sequences),
                  "--output", str(out)]) == 130  # fmt: skip

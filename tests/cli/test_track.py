@@ -17,7 +17,6 @@ from PIL import Image
 
 from moveit6d.cli.main import main
 from moveit6d.datasets.files import TRACK_COLUMNS, read_poses, write_pose
-from moveit6d.estimation import PoseTracker
 from moveit6d.evaluation.metrics import add
 from moveit6d.geometry.pose import Pose
 
@@ -96,7 +95,7 @@ def test_no_overlay_leaves_it_out(clip: Clip) -> None:
 
 
 def test_a_report_is_written_and_after_ctrl_c_too(
-    clip: Clip, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    clip: Clip, tmp_path: Path, interrupt_update: Callable[[int], None]
 ) -> None:
     (clip.folder / "frames" / "000001.png").write_bytes(b"\x89PNG broken")
     page = tmp_path / "page" / "report.html"
@@ -105,14 +104,7 @@ def test_a_report_is_written_and_after_ctrl_c_too(
     assert "5 frames, 1 without a pose" in text and "not a readable image" in text
     assert text.count("<tr ") == 5 and text.count("data:image/jpeg") == 10
 
-    update, calls = PoseTracker.update, iter(range(100))
-
-    def stop_at_third(self: PoseTracker, image: Any) -> Any:
-        if next(calls) == 2:
-            raise KeyboardInterrupt
-        return update(self, image)
-
-    monkeypatch.setattr(PoseTracker, "update", stop_at_third)
+    interrupt_update(3)
     assert clip.track("--no_overlay", "--report", str(page)) == 130
     assert "3 frames, 1 without a pose" in page.read_text()
 
@@ -196,15 +188,8 @@ def test_a_truncated_video_is_tracked_to_where_it_ends(clip: Clip, tmp_path: Pat
     assert "cut off" in clip.summary()["failures"][-1]["error"]
 
 
-def test_ctrl_c_keeps_what_was_done(clip: Clip, monkeypatch: pytest.MonkeyPatch) -> None:
-    update, calls = PoseTracker.update, iter(range(100))
-
-    def stop_at_third(self: PoseTracker, image: Any) -> Any:
-        if next(calls) == 2:
-            raise KeyboardInterrupt
-        return update(self, image)
-
-    monkeypatch.setattr(PoseTracker, "update", stop_at_third)
+def test_ctrl_c_keeps_what_was_done(clip: Clip, interrupt_update: Callable[[int], None]) -> None:
+    interrupt_update(3)
     assert clip.track() == 130
     assert len(read_poses(clip.output / "poses.csv")) == 2
     assert frames_in(clip.output / "overlay.mp4") == 2

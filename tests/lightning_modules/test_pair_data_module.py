@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from PIL import Image
 
 from lightning_modules.pair_data_module import (
     PairDataModule,
@@ -23,10 +22,9 @@ from moveit6d.geometry.mesh import Mesh
 from moveit6d.networks.action_net import ActionConfig, ActionNet
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
 from moveit6d.networks.weights_file import save_network
-from moveit6d.synthesis.pairs import PairConfig
 from moveit6d.synthesis.shards import ShardPlan, ShardWriter
 from moveit6d.synthesis.source import PairSource
-from tests.support.pairs import photos
+from tests.support.pairs import small_source
 
 TINY = CorrelationConfig(channels=(4, 6, 8), geometry=(4, 4, 4), context=8, decoder=8, fine=8)
 
@@ -34,10 +32,7 @@ TINY = CorrelationConfig(channels=(4, 6, 8), geometry=(4, 4, 4), context=8, deco
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> PairSource:
     """Three pictures and one made shape."""
-    folder = tmp_path_factory.mktemp("photos")
-    for number, picture in enumerate(photos()[:3]):
-        Image.fromarray(picture).save(folder / f"{number}.png")
-    return PairSource((), "m", folder, None, 1, PairConfig())
+    return small_source(tmp_path_factory.mktemp("photos"))
 
 
 def folder_of(tmp_path: Path, count: int) -> Path:

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import torch
 from jsonargparse import ArgumentParser
+from PIL import Image
 
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.synthesis.augment import Dice
 from moveit6d.synthesis.backgrounds import procedural_photo
 from moveit6d.synthesis.pairs import PairConfig
 from moveit6d.synthesis.shapes import random_object
+from moveit6d.synthesis.source import PairSource
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -30,6 +32,13 @@ def objects() -> tuple[Mesh, ...]:
     """Three made objects."""
     random = np.random.default_rng(0)
     return tuple(random_object(random, photos()) for _ in range(3))
+
+
+def small_source(folder: Path) -> PairSource:
+    """One made shape before three pictures, which are written to the folder."""
+    for number, picture in enumerate(photos()[:3]):
+        Image.fromarray(picture).save(folder / f"{number}.png")
+    return PairSource((), "m", folder, None, 1, PairConfig())
 
 
 def dice(seed: int = 0) -> Dice:

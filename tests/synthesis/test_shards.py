@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from PIL import Image
 
 from moveit6d.errors import InputError
-from moveit6d.synthesis.pairs import PairConfig, TrainingBatch
+from moveit6d.synthesis.pairs import TrainingBatch
 from moveit6d.synthesis.shards import (
     ShardPlan,
     ShardWriter,
@@ -26,7 +25,7 @@ from moveit6d.synthesis.shards import (
     write_shard,
 )
 from moveit6d.synthesis.source import PairSource
-from tests.support.pairs import photos
+from tests.support.pairs import small_source
 
 PLAN = ShardPlan(shards=5, batches=2, batch_size=2, seed=3)
 
@@ -34,10 +33,7 @@ PLAN = ShardPlan(shards=5, batches=2, batch_size=2, seed=3)
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> PairSource:
     """Three pictures and one made shape a shard."""
-    folder = tmp_path_factory.mktemp("photos")
-    for number, picture in enumerate(photos()[:3]):
-        Image.fromarray(picture).save(folder / f"{number}.png")
-    return PairSource((), "m", folder, None, 1, PairConfig())
+    return small_source(tmp_path_factory.mktemp("photos"))
 
 
 @pytest.fixture(scope="module")

@@ -163,6 +163,7 @@ def refine_image(
 ) -> list[Estimate]:
     """Refine the poses in one image; all of them carry the seconds of the whole image."""
     from ..estimation import Target
+    from ..estimation.frame import prepare_frame
     from ..estimation.last_word import last_word
 
     estimates = job.estimates
@@ -170,7 +171,8 @@ def refine_image(
     picture = dataset.image(scene, image)
     camera = dataset.camera(scene, image, (picture.shape[1], picture.shape[0]))
     start = time.perf_counter()
-    targets = [Target(picture, camera, dataset.mesh(e.object), e.pose) for e in estimates]
+    frame = prepare_frame(picture, camera)  # once, for the loop and for the last word
+    targets = [Target(frame, camera, dataset.mesh(e.object), e.pose) for e in estimates]
     results: list[TrackingResult] = []
     for first in range(0, len(targets), job.batch):
         some = targets[first : first + job.batch]

@@ -40,7 +40,5 @@ def nearest_equivalent(pose: Pose, reference: Pose, symmetries: Symmetries) -> P
 
 def _about(symmetry: ContinuousSymmetry, turned: NDArray[np.float64]) -> NDArray[np.float64]:
     """The turn C (4, 4) about the axis with the largest trace of turned · C."""
-    x, y, z = symmetry.axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     along = symmetry.axis @ turned @ symmetry.axis
-    return symmetry.turn(math.atan2(np.trace(turned @ cross), np.trace(turned) - along))
+    return symmetry.turn(math.atan2(np.trace(turned @ symmetry.cross()), np.trace(turned) - along))

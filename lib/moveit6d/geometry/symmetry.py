@@ -26,10 +26,14 @@ class ContinuousSymmetry:
     axis: NDArray[np.float64]
     offset: NDArray[np.float64]
 
+    def cross(self) -> NDArray[np.float64]:
+        """The matrix (3, 3) that takes the cross product with the axis from the left."""
+        x, y, z = self.axis
+        return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+
     def turn(self, angle: float) -> NDArray[np.float64]:
         """The motion (4, 4) by this angle, radians."""
-        x, y, z = self.axis
-        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        cross = self.cross()
         matrix = np.eye(4)
         matrix[:3, :3] += math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
         matrix[:3, 3] = self.offset - matrix[:3, :3] @ self.offset
