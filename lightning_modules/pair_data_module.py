@@ -52,6 +52,7 @@ class PairDataModule(pl.LightningDataModule):
         occluders: folder of meshes for the bank of occluders; None: the training meshes.
         shapes: random shapes with photo textures beside the meshes.
         symmetric: share of those that are symmetric and say so.
+        bare: share of those that are copies of the meshes without their print.
         renew_every: batches after which one random shape is replaced by a new one; 0: never.
         written: folder of `moveit6d write-pairs`; None: pairs are drawn as training goes.
         batch_size: pairs a batch, in each training process.
@@ -72,6 +73,7 @@ class PairDataModule(pl.LightningDataModule):
         occluders: Path | None = None,
         shapes: int = 60,
         symmetric: float = 0.0,
+        bare: float = 0.0,
         renew_every: int = 50,
         written: Path | None = None,
         batch_size: int = 32,
@@ -85,7 +87,8 @@ class PairDataModule(pl.LightningDataModule):
         self.folder, self.mesh_unit, self.holdout = meshes, mesh_unit, holdout
         self.photos, self.photo_limit = photos, photo_limit
         self.occluders, self.written = occluders, written
-        self.shapes, self.symmetric, self.renew_every = shapes, symmetric, renew_every
+        self.shapes, self.symmetric, self.bare = shapes, symmetric, bare
+        self.renew_every = renew_every
         self.batch_size, self.workers = batch_size, workers
         self.validation_batches, self.seed = validation_batches, seed
         self.pairs = pairs or PairConfig()
@@ -147,7 +150,7 @@ class PairDataModule(pl.LightningDataModule):
         others = mesh_files(self.occluders) if self.occluders is not None else []
         return PairSource(
             tuple(paths), self.mesh_unit, self.photos, self.photo_limit, shapes, self.pairs,
-            self.symmetric, tuple(others),
+            self.symmetric, tuple(others), self.bare,
         )  # fmt: skip
 
     def _written_stream(self, folder: Path) -> WrittenStream:
@@ -191,14 +194,15 @@ class PairStream(IterableDataset[TrainingBatch]):
             torch.set_num_threads(1)
         random = np.random.default_rng([*self.seed, self.first + (worker.id if worker else 0)])
         photos, meshes = self.source.load_photos(random), self.source.load_meshes()
-        fixed = len(meshes)
-        meshes += [self.source.shape(random, photos) for _ in range(self.source.shapes)]
+        fixed, files = len(meshes), tuple(meshes)
+        meshes += [self.source.shape(random, photos, files) for _ in range(self.source.shapes)]
         occluders = self.source.load_occluders()
         generator = self.source.generator(random, photos, meshes, occluders)
         student = _Student(self.rollouts)
         for number in count(1):
             if len(meshes) > fixed and self.renew_every and number % self.renew_every == 0:
-                meshes[int(random.integers(fixed, len(meshes)))] = self.source.shape(random, photos)
+                place = int(random.integers(fixed, len(meshes)))
+                meshes[place] = self.source.shape(random, photos, files)
             batch = generator.batch(self.batch_size)
             yield batch
             if student.ready():

@@ -83,8 +83,11 @@ def test_shapes_are_renewed_unless_the_object_is_to_stay(
     shapes = []
     original = PairSource.shape
 
-    def counted(self: PairSource, random: np.random.Generator, pictures: list[np.ndarray]) -> Mesh:
-        shapes.append(original(self, random, pictures))
+    def counted(
+        self: PairSource, random: np.random.Generator, pictures: list[np.ndarray],
+        meshes: tuple[Mesh, ...],
+    ) -> Mesh:  # fmt: skip
+        shapes.append(original(self, random, pictures, meshes))
         return shapes[-1]
 
     monkeypatch.setattr(PairSource, "shape", counted)
@@ -96,6 +99,16 @@ def test_symmetric_shapes_are_as_many_as_wanted(source: PairSource) -> None:
     some = dataclasses.replace(source, symmetric=1.0)
     random = np.random.default_rng(0)
     assert all(not some.shape(random, []).symmetries.is_trivial for _ in range(4))
+
+
+def test_bare_copies_of_the_meshes_are_as_many_as_wanted(source: PairSource) -> None:
+    some = dataclasses.replace(source, bare=0.5)
+    random = np.random.default_rng(0)
+    mesh = some.shape(random, [])
+    drawn = [some.shape(random, [], [mesh]) for _ in range(40)]
+    copies = sum(shape.vertices is mesh.vertices for shape in drawn)
+    assert copies == pytest.approx(20, abs=8)
+    assert some.shape(random, []).vertices is not mesh.vertices, "without meshes there are none"
 
 
 # -- states that the network itself leads to -------------------------------------------------------

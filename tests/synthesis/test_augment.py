@@ -9,6 +9,7 @@ from torch import Tensor
 
 from moveit6d.synthesis.augment import (
     AugmentConfig,
+    boards,
     crop_region,
     cut_border,
     loose_things,
@@ -116,3 +117,16 @@ def test_shadows_darken_a_side_by_what_is_stated() -> None:
     darkest = lit.amin(1)
     assert (darkest < 0.99).float().mean() == pytest.approx(0.4, abs=0.06)
     assert darkest.min() >= 0.5 - 1e-6 and lit.max() <= 1 + 1e-6
+
+
+def test_boards_are_dark_and_light_lie_anywhere_and_are_premultiplied() -> None:
+    layers = boards(300, 64, dice())
+    alpha, colour = layers[:, 3:], layers[:, :3]
+    assert layers.shape == (300, 4, 64, 64) and (colour <= alpha + 1e-5).all()
+    whole = (alpha[:, 0] > 0.999).flatten(1)
+    covered = whole.float().mean(1)
+    assert covered.min() < 0.25 and covered.max() > 0.8
+    inside = colour.permute(0, 2, 3, 1)[alpha[:, 0] > 0.999]
+    dark, light = (inside.amax(1) <= 0.251).float().mean(), (inside.amin(1) >= 0.699).float().mean()
+    assert 0.35 < dark < 0.65 and 0.35 < light < 0.65
+    assert dark + light > 0.75, "the rest are edges between squares"

@@ -90,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
     source = data_of(args).source()
     random = np.random.default_rng(args.seed)
     photos, meshes = source.load_photos(random), source.load_meshes()
-    meshes += [source.shape(random, photos) for _ in range(source.shapes)]
+    meshes += [source.shape(random, photos, meshes) for _ in range(source.shapes)]
     generator = source.generator(random, photos, meshes, source.load_occluders())
     sheet = contact_sheet(generator.batch(args.count, args.cluster), args.across)
     with replacing(args.output) as temporary:

@@ -11,11 +11,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 import torch
-from kornia.geometry.transform import warp_affine
+from kornia.geometry.transform import (
+    get_perspective_transform,
+    warp_affine,
+    warp_perspective,
+)
 from torch import Tensor
 from torch.nn import functional
 
 Range = tuple[float, float]
+BOARD = 8  # squares a side of a board of marks
 
 
 @dataclass(frozen=True)
@@ -36,8 +41,10 @@ class AugmentConfig:
     photo_occluder: float = 0.45  # share of occluders cut from photos instead of other objects
     cropped: float = 0.0  # share of which only a rectangle shows, the photo around it
     crop: Range = (72.0, 96.0)  # height and width of that rectangle
-    cluttered: float = 0.4  # share with another object behind
-    twins: float = 0.3  # share of those whose other object is the same one: alike in colour
+    marked: float = 0.0  # share of photos in which a board of dark and light squares lies
+    cluttered: float = 0.4  # share with other objects behind
+    clutter: int = 1  # at most; each number is as likely
+    twins: float = 0.3  # share of those in which one is the same object: alike in colour
     background_blurred: float = 0.0  # share of photos that lie out of focus
     background_blur: Range = (0.5, 3.5)  # standard deviation
     shadowed: float = 0.3  # share with the edge of a shadow across the picture
@@ -113,6 +120,27 @@ def scatter(
     affine = torch.cat([matrix, shift[..., None]], -1)
     warped: Tensor = warp_affine(layers, affine, (size, size), align_corners=False)
     return warped
+
+
+def boards(count: int, size: int, dice: Dice) -> Tensor:
+    """Calibration boards, markers and the like as they lie about: layers (count, 4, size, size)."""
+    dark, light = dice.uniform(2, count, 3, 1, 1)
+    squares = dice.uniform(count, 1, BOARD, BOARD) < 0.5
+    regular = (torch.arange(BOARD)[:, None] + torch.arange(BOARD)) % 2 == 0
+    squares = torch.where(dice.chance(count, 0.4)[:, None, None, None], regular, squares)
+    print_ = torch.where(squares, 0.25 * dark, 0.7 + 0.3 * light)
+    sheet = functional.interpolate(print_, (size, size), mode="nearest")
+    whole = sheet.new_tensor([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]).expand(count, 4, 2)
+    # Seen at a slant: foreshortened, turned, and each corner a little elsewhere.
+    scale = dice.uniform(count, 1, 2, between=(0.3, 2.5))
+    angle = dice.uniform(count, between=(-3.14159, 3.14159))
+    turn = torch.stack([angle.cos(), -angle.sin(), angle.sin(), angle.cos()], -1).view(-1, 2, 2)
+    corners = (whole - 0.5) * scale @ turn + dice.uniform(count, 1, 2)
+    corners = corners + dice.uniform(count, 4, 2, between=(-0.1, 0.1)) * scale
+    matrix = get_perspective_transform(whole * size, corners * size)
+    layer = torch.cat([sheet, torch.ones_like(sheet[:, :1])], 1)
+    seen: Tensor = warp_perspective(layer, matrix, (size, size), align_corners=False)
+    return seen
 
 
 def cutout_masks(count: int, size: int, dice: Dice) -> Tensor:

@@ -19,6 +19,7 @@ from ..rendering.renderer import GBuffer, Renderer
 from .augment import (
     AugmentConfig,
     Dice,
+    boards,
     crop_region,
     cut_border,
     loose,
@@ -106,16 +107,22 @@ class Composer:
         return torch.cat([colour * alpha, alpha], 1)
 
     def _cluttered(self, ground: Tensor, layer: Tensor) -> Tensor:
-        """Photos (B, 3, N, N) with other objects of the batch lying before a part of them."""
+        """Photos (B, 3, N, N) with boards and other objects of the batch in a part of them."""
         augment, dice, batch = self.augment, self.dice, len(ground)
-        behind = dice.chance(batch, augment.cluttered).nonzero()[:, 0]
-        if not len(behind):
-            return ground
-        twin = dice.chance(len(behind), augment.twins)
-        other = torch.where(twin, behind, dice.permutation(batch)[: len(behind)])
-        placed = scatter(layer[other], dice.uniform(len(behind), between=(0.4, 1.1)), 1.0, dice)
         ground = ground.clone()
-        ground[behind] = over(ground[behind], placed)
+        marked = dice.chance(batch, augment.marked).nonzero()[:, 0]
+        if len(marked):
+            ground[marked] = over(ground[marked], boards(len(marked), ground.shape[-1], dice))
+        number = torch.randint(1, augment.clutter + 1, (batch,), generator=dice.generator)
+        number = number * dice.chance(batch, augment.cluttered)
+        for layers in range(augment.clutter):
+            behind = (number > layers).nonzero()[:, 0]
+            if not len(behind):
+                break
+            twin = dice.chance(len(behind), augment.twins) & (layers == 0)
+            other = torch.where(twin, behind, dice.permutation(batch)[: len(behind)])
+            placed = scatter(layer[other], dice.uniform(len(behind), between=(0.4, 1.1)), 1.0, dice)
+            ground[behind] = over(ground[behind], placed)
         return ground
 
     def _things(self, layer: Tensor) -> Callable[[Tensor], Tensor]:

@@ -81,7 +81,9 @@ class ShardWriter:
         torch.set_num_threads(1)  # sums in another order are other numbers
         photos, fixed, occluders = self._things()
         random = np.random.default_rng([self.plan.seed, number])
-        meshes = fixed + [self.source.shape(random, photos) for _ in range(self.source.shapes)]
+        meshes = fixed + [
+            self.source.shape(random, photos, fixed) for _ in range(self.source.shapes)
+        ]
         generator = self.source.generator(random, photos, meshes, occluders)
         packed = [_packed(generator.batch(self.plan.batch_size)) for _ in range(self.plan.batches)]
         tensors = {

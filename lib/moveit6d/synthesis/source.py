@@ -18,6 +18,7 @@ import numpy as np
 from ..errors import InputError
 from ..geometry.mesh import Mesh
 from .backgrounds import procedural_photo
+from .bare import bare_copy
 from .pairs import PairConfig, PairGenerator
 from .photos import load_photos
 from .shapes import random_object
@@ -31,8 +32,9 @@ MADE_PHOTOS = 64  # pictures that are made where there is no folder of photograp
 class PairSource:
     """Files, number of made shapes, and all that is random about a pair.
 
-    `symmetric` is the share of made shapes that declare symmetries; `occluders` are meshes for the
-    bank of occluders where it is not filled with the same ones.
+    `symmetric` is the share of made shapes that declare symmetries, `bare` that of copies of the
+    meshes without their print; `occluders` are meshes for the bank of occluders where it is not
+    filled with the same ones.
     """
 
     meshes: tuple[Path, ...]
@@ -43,6 +45,7 @@ class PairSource:
     pairs: PairConfig
     symmetric: float = 0.0
     occluders: tuple[Path, ...] = ()
+    bare: float = 0.0
 
     def load_photos(self, random: np.random.Generator) -> list[np.ndarray]:
         """The photographs of the folder, or generated pictures."""
@@ -58,11 +61,15 @@ class PairSource:
         """The meshes for the bank, or None."""
         return [Mesh.load(path, unit=self.mesh_unit) for path in self.occluders] or None
 
-    def shape(self, random: np.random.Generator, photos: Sequence[np.ndarray]) -> Mesh:
-        """One new made shape."""
-        # No number is drawn for nothing: without symmetric shapes the others stay the same.
+    def shape(
+        self, random: np.random.Generator, photos: Sequence[np.ndarray], meshes: Sequence[Mesh] = ()
+    ) -> Mesh:
+        """One new made shape, or a bare copy of one of the meshes."""
+        # No number is drawn for nothing: without those kinds the others stay the same.
         if self.symmetric > 0 and random.random() < self.symmetric:
             return symmetric_object(random, photos)
+        if self.bare > 0 and meshes and random.random() < self.bare:
+            return bare_copy(random, meshes[int(random.integers(len(meshes)))])
         return random_object(random, photos)
 
     def generator(
@@ -80,7 +87,7 @@ class PairSource:
         facts = {
             "files": files, "unit": self.mesh_unit, "photos": photos, "limit": self.photo_limit,
             "shapes": self.shapes, "symmetric": self.symmetric,
-            "pairs": dataclasses.asdict(self.pairs),
+            "bare": self.bare, "pairs": dataclasses.asdict(self.pairs),
         }  # fmt: skip
         return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
