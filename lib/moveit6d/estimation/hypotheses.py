@@ -6,12 +6,13 @@ where the object was last seen well.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from ..actions import difference
+from ..actions import PoseAction, difference
 from ..geometry.equivalent import nearest_equivalent
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
@@ -20,6 +21,14 @@ from ..regions import Colours
 
 # Confidence under which a pose is not believed.
 DOUBTFUL = 0.5
+# Confidence from which a motion is continued and a pose is gone back to. Between the two an object
+# is half covered or smeared, and what seems to be its motion runs away with the track.
+SURE = 0.65
+# Places looked at beside while the last pose is not believed: how many, how many degrees they are
+# turned, and how many counts at most they lie aside, up or down, nearer or farther.
+SEARCHED = 6
+SEARCH_TURN = (10.0, 30.0)
+SEARCH_SHIFT = (25.0, 25.0, 8.0)
 # Two starts within so many counts on every axis lead to the same place: one of them is enough.
 SAME = 3.0
 # Part of the colours that each frame replaces (SRT3D's learning rates).
@@ -31,8 +40,8 @@ class Track:
     """What a tracker remembers of one object; poses are the mesh file's, float64.
 
     `pose` is the last one found, `velocity` (2, 3) its last turn (radians) and shift (metres) from
-    frame to frame about the object's centre, `trusted` the last one that was believed; `colours`
-    are the object's and its surroundings' in the frames that were believed.
+    frame to frame about the object's centre, `trusted` the last one that was sure; `colours` are
+    the object's and its surroundings' in the frames that were believed.
     """
 
     mesh: Mesh
@@ -40,7 +49,9 @@ class Track:
     trusted: Pose
     velocity: Tensor | None = None
     believed: bool = True
+    sure: bool = True
     colours: Colours | None = None
+    random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     @staticmethod
     def begin(mesh: Mesh, pose: Pose) -> Track:
@@ -56,6 +67,8 @@ class Track:
         for pose in others:
             if all(_apart(self.mesh, pose, other) for other in found):
                 found.append(pose)
+        if not self.believed:
+            found += [self._beside(pose) for pose in (self.trusted, self.pose) * (SEARCHED // 2)]
         return found
 
     def add(self, pose: Pose, confidence: float) -> None:
@@ -65,14 +78,14 @@ class Track:
         """
         pose = nearest_equivalent(pose, self.pose, self.mesh.symmetries)
         before, after = self.mesh.inner(self.pose), self.mesh.inner(pose)
-        was_believed = self.believed
-        self.believed = confidence >= DOUBTFUL
+        was_sure = self.sure
+        self.believed, self.sure = confidence >= DOUBTFUL, confidence >= SURE
         self.velocity = None
-        if was_believed and self.believed:
+        if was_sure and self.sure:
             turn = log_so3(after.rotation @ before.rotation.mT)
             self.velocity = torch.stack([turn, after.translation - before.translation])
         self.pose = pose
-        if self.believed:
+        if self.sure:
             self.trusted = pose
 
     def learn(self, colours: Colours | None) -> None:
@@ -83,13 +96,22 @@ class Track:
 
     def miss(self) -> None:
         """A frame without a pose: stay where the object was."""
-        self.believed, self.velocity = False, None
+        self.believed, self.sure, self.velocity = False, False, None
 
     def _ahead(self, velocity: Tensor) -> Pose:
         """The pose after one more frame of the same motion."""
         here = self.mesh.inner(self.pose)
         ahead = Pose(exp_so3(velocity[0]) @ here.rotation, here.translation + velocity[1])
         return self.mesh.outer(ahead)
+
+    def _beside(self, pose: Pose) -> Pose:
+        """A pose at random not far from another one."""
+        axis = self.random.normal(size=3)
+        turn = axis / np.linalg.norm(axis) * self.random.uniform(*SEARCH_TURN)
+        shift = self.random.uniform(-1, 1, 3) * SEARCH_SHIFT
+        counts = torch.from_numpy(np.concatenate([shift, turn]))
+        diameter = torch.tensor(self.mesh.sphere_diameter, dtype=torch.float64)
+        return self.mesh.outer(PoseAction.of(counts).apply(self.mesh.inner(pose), diameter))
 
 
 def _apart(mesh: Mesh, one: Pose, other: Pose) -> bool:
