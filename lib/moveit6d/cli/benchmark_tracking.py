@@ -100,7 +100,7 @@ def add_kind(kinds: Any) -> None:
     parser.add_argument(
         "--no_learning",
         action="store_true",
-        help="learn no colours from the first frame, whose pose is given",
+        help="learn nothing from the first frame, whose pose is given",
     )
     parser.set_defaults(run=run)
 

@@ -88,7 +88,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--exact_start",
         action="store_true",
-        help="the start pose is exact: learn the object's colours from the first frame",
+        help="the start pose is exact: learn the object's looks from the first frame",
     )
     parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")

@@ -41,7 +41,8 @@ class Track:
 
     `pose` is the last one found, `velocity` (2, 3) its last turn (radians) and shift (metres) from
     frame to frame about the object's centre, `trusted` the last one that was sure; `colours` are
-    the object's and its surroundings' in the frames that were believed.
+    the object's and its surroundings' in the frames that were believed, `depth_bias` what the
+    policy is known to be off by (`calibration`).
     """
 
     mesh: Mesh
@@ -51,6 +52,7 @@ class Track:
     believed: bool = True
     sure: bool = True
     colours: Colours | None = None
+    depth_bias: float = 0.0
     random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     @staticmethod

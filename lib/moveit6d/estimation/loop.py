@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -20,6 +20,7 @@ from ..geometry.camera import Camera
 from ..geometry.crop import View, crop_patch, look_at
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..networks.decision import Decision
 from ..observation import Observation, observe
 from ..policies import MoveMode, Policy, Situation, choose_move
 from ..rendering.renderer import Renderer
@@ -45,13 +46,15 @@ class StopReason(StrEnum):
 class Target:
     """One object to look for in one image; the pose is in the mesh file's frame.
 
-    `image` is RGB (H, W, 3), or a `Frame` if several targets or loops share it.
+    `image` is RGB (H, W, 3), or a `Frame` if several targets or loops share it; `depth_bias` are
+    the counts t_z that the policy is known to be off by (`calibration`).
     """
 
     image: Any
     camera: Camera
     mesh: Mesh
     pose: Pose
+    depth_bias: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -102,6 +105,7 @@ def refine_batch(
         diameter, current = scene.diameter[active], pose[active]
         seen = scene.observe(active, current, renderer)
         decision = policy.decide(seen, Situation(current, diameter, objects[active]))
+        decision = _corrected(decision, scene.depth_bias[active])
         action = choose_move(decision, policy.mode, step)
         moved = action.apply(current, diameter)
         going = []
@@ -126,6 +130,15 @@ def refine_batch(
     return [result for result in results if result is not None]
 
 
+def _corrected(decision: Decision, depth_bias: Tensor) -> Decision:
+    """The decision without what is known to be wrong with its counts t_z."""
+    if decision.counts is None:
+        return decision
+    counts = decision.counts.clone()
+    counts[:, 2] -= depth_bias
+    return replace(decision, counts=counts)
+
+
 def _best(groups: Sequence[int], trails: Sequence[_Trail]) -> set[int]:
     """The target of each group whose first move the policy believes most; failures come last."""
     members: dict[int, list[int]] = {}
@@ -144,6 +157,7 @@ class _Scene:
     intrinsics: list[Tensor]
     meshes: list[Mesh]
     diameter: Tensor
+    depth_bias: Tensor
     pose: Pose
 
     @staticmethod
@@ -163,6 +177,7 @@ class _Scene:
             [frame.camera.matrix() for frame in frames],
             [target.mesh for target in targets],
             torch.tensor([t.mesh.sphere_diameter for t in targets], dtype=torch.float64),
+            torch.tensor([t.depth_bias for t in targets]),
             Pose.stack(poses),
         )
 

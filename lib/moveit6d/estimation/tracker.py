@@ -19,6 +19,7 @@ from ..geometry.pose import Pose
 from ..policies import Policy, load_policy
 from ..regions import colours_at
 from ..rendering.renderer import Renderer, make_renderer
+from .calibration import depth_bias
 from .frame import Frame, prepare_frame
 from .hypotheses import Track
 from .last_word import last_word
@@ -77,10 +78,11 @@ class PoseTracker:
         ]
 
     def learn(self, image: Any) -> None:
-        """Learn the objects' colours from an image in which their present poses are exact.
+        """Learn what the objects look like from an image in which their present poses are exact.
 
         For the frame of the start poses, if they are known well: the colours tell each object from
-        its surroundings (`regions`). `InputError` if the image does not fit the camera.
+        its surroundings (`regions`), and how far off the policy is here it will be off later
+        (`calibration`). `InputError` if the image does not fit the camera.
         """
         frame = prepare_frame(image, self.camera)
         for track in self.tracks:
@@ -88,6 +90,7 @@ class PoseTracker:
             track.colours = colours_at(
                 frame.pixels, frame.camera.matrix(), track.mesh, centred, self.renderer
             )
+            track.depth_bias = depth_bias(frame, track.mesh, track.pose, self.policy, self.renderer)
 
     def update(self, image: Any) -> tuple[TrackingResult, ...]:
         """Results for the next frame, RGB (H, W, 3), one an object.
@@ -127,7 +130,7 @@ class PoseTracker:
                 centre = track.mesh.inner(pose).translation
                 first = number not in groups
                 if first or out_of_sight(centre, track.mesh.sphere_diameter, frame.camera) is None:
-                    targets.append(Target(frame, self.camera, track.mesh, pose))
+                    targets.append(Target(frame, self.camera, track.mesh, pose, track.depth_bias))
                     groups.append(number)
         return refine_batch(
             targets,

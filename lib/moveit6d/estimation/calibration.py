@@ -1,0 +1,47 @@
+"""What a policy gets wrong about one object, read where its pose is known.
+
+A network sees an object a little too large or too small, and on the same side in every frame: its
+mesh's colours, its camera and its light are not quite those of the training. Depth suffers most.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from ..actions import PoseAction, difference
+from ..geometry.mesh import Mesh
+from ..geometry.pose import Pose
+from ..policies import MoveMode, Policy
+from ..rendering.renderer import Renderer
+from .frame import Frame
+from .loop import Target, refine_batch
+
+PAIRS = 4  # starts on either side of the known pose
+# How far they lie from it, counts: errors at one single pose are half noise.
+AROUND = (1.0, 1.0, 1.0, 1.5, 1.5, 1.5)
+
+
+def depth_bias(
+    frame: Frame, mesh: Mesh, pose: Pose, policy: Policy, renderer: Renderer
+) -> float:  # fmt: skip
+    """By how many counts t_z the policy's moves lead past an exact pose (mesh file's frame).
+
+    0 for a policy of single actions: it has no counts that could be corrected.
+    """
+    if policy.mode is MoveMode.SINGLE:
+        return 0.0
+    centred = mesh.inner(pose.to(torch.float64))
+    diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
+    offsets = np.random.default_rng(0).normal(size=(PAIRS, 6)) * AROUND
+    starts = [
+        PoseAction.of(torch.from_numpy(offset)).apply(centred, diameter)
+        for offset in np.concatenate([offsets, -offsets])
+    ]
+    targets = [Target(frame, frame.camera, mesh, mesh.outer(start)) for start in starts]
+    ends = [
+        mesh.inner(result.pose)
+        for result in refine_batch(targets, policy=policy, renderer=renderer, max_steps=1)
+        if result.pose is not None
+    ]
+    return float(np.mean([float(difference(centred, end, diameter)[2]) for end in ends] or [0.0]))

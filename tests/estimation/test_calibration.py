@@ -1,0 +1,68 @@
+"""A policy that is always off in depth is found out where the pose is known, and corrected."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import torch
+
+from moveit6d.actions import difference
+from moveit6d.estimation import PoseTracker
+from moveit6d.estimation.calibration import depth_bias
+from moveit6d.estimation.frame import prepare_frame
+from moveit6d.geometry.camera import Camera
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.pose import Pose
+from moveit6d.networks.decision import Decision
+from moveit6d.observation import Observation
+from moveit6d.policies import MoveMode, OraclePolicy, Situation
+from moveit6d.rendering.renderer import make_renderer
+
+CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
+GRAY = np.full((240, 320, 3), 90, np.uint8)
+TRUTH = Pose(torch.eye(3).double(), torch.tensor([0.02, -0.01, 0.7], dtype=torch.float64))
+
+
+@dataclass
+class TooNear:
+    """Knows the one pose, but takes every object for so many counts larger than it is."""
+
+    pose: Pose
+    bias: float
+    mode: MoveMode = MoveMode.ALL_AXES
+
+    def decide(self, seen: Observation, situation: Situation) -> Decision:
+        """The exact counts with the bias."""
+        number = len(situation.target)
+        oracle = OraclePolicy(Pose.stack([self.pose] * number), self.mode)
+        same = replace(situation, target=torch.arange(number))
+        decision = oracle.decide(seen, same)
+        assert decision.counts is not None
+        return replace(decision, counts=decision.counts + torch.tensor([0, 0, self.bias, 0, 0, 0]))
+
+
+def left(mesh: Mesh, pose: Pose | None) -> float:
+    """Counts t_z from a pose to the truth."""
+    assert pose is not None
+    diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
+    return float(difference(mesh.inner(pose), TRUTH, diameter)[2])
+
+
+@pytest.mark.parametrize("bias", [1.5, -0.8])
+def test_the_bias_is_read_where_the_pose_is_known(brick: Mesh, bias: float) -> None:
+    frame, policy = prepare_frame(GRAY, CAMERA), TooNear(TRUTH, bias)
+    found = depth_bias(frame, brick, brick.outer(TRUTH), policy, make_renderer())
+    assert found == pytest.approx(bias, abs=0.05)
+    single = replace(policy, mode=MoveMode.SINGLE)
+    assert depth_bias(frame, brick, brick.outer(TRUTH), single, make_renderer()) == 0.0
+
+
+def test_a_tracker_that_has_learnt_does_without_it(brick: Mesh) -> None:
+    policy = TooNear(TRUTH, 1.5)
+    for learns, expected in ((False, -1.5), (True, 0.0)):
+        tracker = PoseTracker(brick, CAMERA, brick.outer(TRUTH), policy=policy, regions=False)
+        if learns:
+            tracker.learn(GRAY)
+        for _ in range(2):
+            result = tracker.update(GRAY)[0]
+        assert left(brick, result.pose) == pytest.approx(expected, abs=0.1)
