@@ -8,7 +8,7 @@ import torch
 
 from moveit6d.actions import difference
 from moveit6d.estimation import PoseTracker
-from moveit6d.estimation.calibration import depth_bias
+from moveit6d.estimation.calibration import LASTING, MOST, depth_bias
 from moveit6d.estimation.frame import prepare_frame
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
@@ -52,14 +52,29 @@ def left(mesh: Mesh, pose: Pose | None) -> float:
 def test_the_bias_is_read_where_the_pose_is_known(brick: Mesh, bias: float) -> None:
     frame, policy = prepare_frame(GRAY, CAMERA), TooNear(TRUTH, bias)
     found = depth_bias(frame, brick, brick.outer(TRUTH), policy, make_renderer())
-    assert found == pytest.approx(bias, abs=0.05)
+    assert found == pytest.approx(LASTING * bias, abs=0.05)
     single = replace(policy, mode=MoveMode.SINGLE)
     assert depth_bias(frame, brick, brick.outer(TRUTH), single, make_renderer()) == 0.0
 
 
-def test_a_tracker_that_has_learnt_does_without_it(brick: Mesh) -> None:
+def test_an_error_that_is_too_large_for_a_bias_is_limited(brick: Mesh) -> None:
+    frame, policy = prepare_frame(GRAY, CAMERA), TooNear(TRUTH, -9.0)
+    assert depth_bias(frame, brick, brick.outer(TRUTH), policy, make_renderer()) == -MOST
+
+
+def test_an_object_that_just_looks_into_the_image_is_no_error(brick: Mesh) -> None:
+    depth, reach = 0.7, 0.5 * brick.sphere_diameter
+    edge = depth * (CAMERA.width - CAMERA.cx) / CAMERA.fx + reach
+    place = torch.tensor([edge - 1e-4, 0.0, depth], dtype=torch.float64)
+    pose = Pose(torch.eye(3).double(), place)
+    frame, policy = prepare_frame(GRAY, CAMERA), TooNear(pose, 1.0)
+    found = depth_bias(frame, brick, brick.outer(pose), policy, make_renderer())
+    assert found == pytest.approx(LASTING, abs=0.1)
+
+
+def test_a_tracker_that_has_learnt_does_without_most_of_it(brick: Mesh) -> None:
     policy = TooNear(TRUTH, 1.5)
-    for learns, expected in ((False, -1.5), (True, 0.0)):
+    for learns, expected in ((False, -1.5), (True, (LASTING - 1) * 1.5)):
         tracker = PoseTracker(brick, CAMERA, brick.outer(TRUTH), policy=policy, regions=False)
         if learns:
             tracker.learn(GRAY)

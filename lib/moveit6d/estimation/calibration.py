@@ -15,19 +15,22 @@ from ..geometry.pose import Pose
 from ..policies import MoveMode, Policy
 from ..rendering.renderer import Renderer
 from .frame import Frame
-from .loop import Target, refine_batch
+from .loop import Target, out_of_sight, refine_batch
 
 PAIRS = 4  # starts on either side of the known pose
 # How far they lie from it, counts: errors at one single pose are half noise.
 AROUND = (1.0, 1.0, 1.0, 1.5, 1.5, 1.5)
+LASTING = 0.6  # of what is found in one frame; the rest belongs to that frame's view of the object
+MOST = 3.0  # counts: more than that is no bias but a pose that is not exact, or something in front
 
 
 def depth_bias(
     frame: Frame, mesh: Mesh, pose: Pose, policy: Policy, renderer: Renderer
 ) -> float:  # fmt: skip
-    """By how many counts t_z the policy's moves lead past an exact pose (mesh file's frame).
+    """By how many counts t_z the policy's moves will lead past the object in later frames.
 
-    0 for a policy of single actions: it has no counts that could be corrected.
+    Read in a frame where the pose is exact (mesh file's frame); at most `MOST` either way. 0 for a
+    policy of single actions: it has no counts that could be corrected.
     """
     if policy.mode is MoveMode.SINGLE:
         return 0.0
@@ -38,10 +41,15 @@ def depth_bias(
         PoseAction.of(torch.from_numpy(offset)).apply(centred, diameter)
         for offset in np.concatenate([offsets, -offsets])
     ]
-    targets = [Target(frame, frame.camera, mesh, mesh.outer(start)) for start in starts]
+    targets = [
+        Target(frame, frame.camera, mesh, mesh.outer(start))
+        for start in starts
+        if out_of_sight(start.translation, mesh.sphere_diameter, frame.camera) is None
+    ]
     ends = [
         mesh.inner(result.pose)
         for result in refine_batch(targets, policy=policy, renderer=renderer, max_steps=1)
         if result.pose is not None
     ]
-    return float(np.mean([float(difference(centred, end, diameter)[2]) for end in ends] or [0.0]))
+    past = [float(difference(centred, end, diameter)[2]) for end in ends]
+    return float(np.clip(LASTING * np.mean(past), -MOST, MOST)) if past else 0.0
