@@ -57,7 +57,7 @@ one_rendered() { # "CLUSTER COVERED" and further options
 options() {
     local start
     printf '# What single options bring\n\nThe shipped network in the paper'"'"'s mode of single actions; '
-    printf 'without the last word of the outline; without the first frame'"'"'s colours.\n\n'
+    printf 'without what the first frame teaches; without the last word of the outline as well.\n\n'
     for start in "all_small 0" "all_large 0"; do
         one_rendered "$start" --no_regions
         one_rendered "$start" --no_regions --single_actions
