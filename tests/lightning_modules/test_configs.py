@@ -54,7 +54,9 @@ def test_the_shipped_model_s_defaults_are_the_realistic_ones_but_for_what_is_new
     old, default = new.augment, AugmentConfig()
     differ = {f.name for f in dataclasses.fields(old)
               if getattr(old, f.name) != getattr(default, f.name)}  # fmt: skip
-    assert differ == {"background_blurred", "bent", "coarse"}
+    assert differ == {
+        "background_blurred", "bent", "coarse", "marked", "cluttered", "clutter",
+    }  # fmt: skip
     assert new.lights == LightConfig() and new.bank == BankConfig()
 
 
