@@ -1,7 +1,8 @@
 """What a policy gets wrong about one object, read where its pose is known.
 
 A network sees an object a little too large or too small, and on the same side in every frame: its
-mesh's colours, its camera and its light are not quite those of the training. Depth suffers most. Never moves a pose.
+mesh's colours, its camera and its light are not quite those of the training. Depth suffers most.
+Never moves a pose.
 """
 
 from __future__ import annotations
