@@ -6,7 +6,7 @@ randomness comes from the generator that is handed in.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -176,6 +176,20 @@ def loose_things(
     return draw
 
 
+def rounds(batch: int, share: float, most: int, dice: Dice) -> Iterator[Tensor]:
+    """Which patches (n,) get a first thing, a second one, and so on to `most`.
+
+    A `share` of the patches get any; of those each number of things is as likely.
+    """
+    number = torch.randint(1, most + 1, (batch,), generator=dice.generator)
+    number = number * dice.chance(batch, share)
+    for layer in range(most):
+        chosen = (number > layer).nonzero()[:, 0]
+        if not len(chosen):
+            return
+        yield chosen
+
+
 def occlude(
     picture: Tensor, things: Callable[[Tensor], Tensor], config: AugmentConfig, dice: Dice
 ) -> tuple[Tensor, Tensor]:
@@ -183,14 +197,8 @@ def occlude(
 
     `things` draws layers (n, 4, N, N), colour times alpha and alpha, for the chosen patches (n,).
     """
-    batch = len(picture)
     picture, covered = picture.clone(), torch.zeros_like(picture[:, :1])
-    number = torch.randint(1, config.occluders + 1, (batch,), generator=dice.generator)
-    number = number * dice.chance(batch, config.occluded)
-    for layer in range(config.occluders):
-        chosen = (number > layer).nonzero()[:, 0]
-        if not len(chosen):
-            break
+    for chosen in rounds(len(picture), config.occluded, config.occluders, dice):
         scale = dice.uniform(len(chosen), between=config.occluder_scale)
         placed = scatter(things(chosen), scale, 1.0, dice, config.occluder_turned)
         alpha = placed[:, 3:]

@@ -26,6 +26,7 @@ from .augment import (
     loose_things,
     occlude,
     over,
+    rounds,
     scatter,
     shadow,
 )
@@ -113,12 +114,8 @@ class Composer:
         marked = dice.chance(batch, augment.marked).nonzero()[:, 0]
         if len(marked):
             ground[marked] = over(ground[marked], boards(len(marked), ground.shape[-1], dice))
-        number = torch.randint(1, augment.clutter + 1, (batch,), generator=dice.generator)
-        number = number * dice.chance(batch, augment.cluttered)
-        for layers in range(augment.clutter):
-            behind = (number > layers).nonzero()[:, 0]
-            if not len(behind):
-                break
+        several = rounds(batch, augment.cluttered, augment.clutter, dice)
+        for layers, behind in enumerate(several):
             twin = dice.chance(len(behind), augment.twins) & (layers == 0)
             other = torch.where(twin, behind, dice.permutation(batch)[: len(behind)])
             placed = scatter(layer[other], dice.uniform(len(behind), between=(0.4, 1.1)), 1.0, dice)
