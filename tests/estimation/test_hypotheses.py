@@ -82,6 +82,22 @@ def test_belief_comes_back(brick: Mesh) -> None:
     assert track.believed and len(track.starts()) == 1
 
 
+def test_only_what_was_sure_and_hardly_moved_is_looked_at_closely_at_once(brick: Mesh) -> None:
+    here = moving(brick, 0)
+    track = Track.begin(brick, here)
+    assert not track.steady, "a start may be far off"
+    track.add(here, 1.0)
+    assert track.steady
+    track.add(moving(brick, 1), 1.0)
+    assert not track.steady, "it moved by ten counts and more"
+    track.add(moving(brick, 1), (SURE + DOUBTFUL) / 2)
+    assert not track.steady
+    track.add(moving(brick, 1), 1.0)
+    assert track.steady
+    track.miss()
+    assert not track.steady
+
+
 def test_colours_are_learnt_from_frames_that_are_believed(brick: Mesh) -> None:
     first, second = (Colours(np.full(8, v), np.full(8, 1 - v)) for v in (0.0, 1.0))
     track = Track.begin(brick, moving(brick, 0))

@@ -1,5 +1,7 @@
 """The loop with the oracle: it reaches the truth, and each stop rule ends it as the paper says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,6 +9,7 @@ import torch
 from moveit6d.actions import PoseAction, difference
 from moveit6d.errors import InputError, RenderingUnavailable
 from moveit6d.estimation import StopReason, Target, refine_batch
+from moveit6d.estimation.loop import CLOSE, ZOOM
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -63,11 +66,67 @@ def test_the_oracle_reaches_the_truth(brick: Mesh, name: str, mode: MoveMode) ->
         assert counts_left(brick, result.pose, truth[i]) < 0.5 + 1e-9
 
 
-def test_all_axes_need_two_cycles(brick: Mesh) -> None:
+def test_all_axes_need_a_move_a_look_and_a_close_look(brick: Mesh) -> None:
     targets, truth = some_targets(brick, 5, cluster="all_large")
     policy = OraclePolicy(truth, MoveMode.ALL_AXES)
     results = refine_batch(targets, policy=policy, renderer=make_renderer())
-    assert [result.steps for result in results] == [2] * 5
+    assert [result.steps for result in results] == [3] * 5
+
+
+class Onlooker(OraclePolicy):
+    """Knows the truth, or walks on by `walk` counts to the right, and notes what it is shown."""
+
+    def __init__(self, truth: Pose, mode: MoveMode, walk: float = 0.0) -> None:
+        super().__init__(truth, mode)
+        self.walk = walk
+        self.widths: list[float] = []  # of the object in the patch, pixels
+        self.diameters: list[float] = []
+
+    def decide(self, seen: Observation, situation: Situation) -> Decision:
+        self.diameters.append(float(situation.sphere_diameter[0]))
+        self.widths.append(float(seen.mask[0].sum()) ** 0.5)
+        if not self.walk:
+            return super().decide(seen, situation)
+        counts = torch.zeros(len(seen), 6)
+        counts[:, 0] = self.walk
+        return Decision(torch.zeros(len(seen), 13), counts, torch.ones(len(seen)))
+
+
+def looks(
+    brick: Mesh, policy: Onlooker, target: Target, max_steps: int | None = None
+) -> list[bool]:
+    """Which cycles were shown the middle of the object."""
+    refine_batch([target], policy=policy, renderer=make_renderer(), max_steps=max_steps)
+    close = [diameter < 0.99 * brick.sphere_diameter for diameter in policy.diameters]
+    for diameter in policy.diameters:
+        part = brick.sphere_diameter / diameter
+        assert part == pytest.approx(1) or part == pytest.approx(ZOOM)
+    return close
+
+
+def test_whoever_comes_close_looks_closely_and_sees_more_of_less(brick: Mesh) -> None:
+    targets, truth = some_targets(brick, 1, cluster="all_large")
+    policy = Onlooker(truth, MoveMode.ALL_AXES)
+    assert looks(brick, policy, targets[0]) == [False, False, True]
+    assert policy.widths[2] > 1.2 * policy.widths[1]
+
+
+def test_a_start_that_is_known_to_be_close_is_looked_at_closely_at_once(brick: Mesh) -> None:
+    targets, truth = some_targets(brick, 1, cluster="near")
+    close = replace(targets[0], close=True)
+    assert all(looks(brick, Onlooker(truth, MoveMode.ALL_AXES), close))
+
+
+def test_the_last_cycle_is_a_close_look_even_if_nothing_came_close(brick: Mesh) -> None:
+    targets, truth = some_targets(brick, 1, cluster="near")
+    walker = Onlooker(truth, MoveMode.ALL_AXES, walk=1.5 * CLOSE)
+    assert looks(brick, walker, targets[0], 4) == [False, False, False, True]
+
+
+def test_single_actions_never_look_closely(brick: Mesh) -> None:
+    targets, truth = some_targets(brick, 1, cluster="all_small")
+    close = replace(targets[0], close=True)
+    assert not any(looks(brick, Onlooker(truth, MoveMode.SINGLE), close))
 
 
 def test_the_limit_of_steps_ends_a_loop(brick: Mesh) -> None:

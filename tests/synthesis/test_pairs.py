@@ -105,6 +105,38 @@ def test_halfway_leaves_the_rest_and_shows_the_same_picture(
     assert off.mean() < 0.03, "sampled twice it is a little softer"
 
 
+ZOOMED = PairConfig(zoomed=0.5, zoom=(1.5, 1.9))
+
+
+def test_zoomed_pairs_show_the_same_larger_and_count_finer(
+    generator_parts: tuple[list[Mesh], list[np.ndarray]],
+) -> None:
+    meshes = generator_parts[0]
+    generator = PairGenerator(*generator_parts, ZOOMED, 7)
+    batch = generator.batch(64, "near")
+    larger = batch.zoom > 1
+    assert 20 <= larger.sum() <= 44
+    assert ((batch.zoom[larger] >= 1.5) & (batch.zoom[larger] <= 1.9)).all()
+    assert (batch.zoom[~larger] == 1).all()
+    area = batch.observation.mask.flatten(1).mean(1)
+    assert area[larger].mean() > 1.5 * area[~larger].mean()
+    # Back in metres the pair is one about the object as it is.
+    sphere = torch.tensor([meshes[int(i)].sphere_diameter for i in batch.mesh])
+    metres = batch.observation.distance * sphere / batch.zoom
+    low, high = ZOOMED.distance
+    assert ((metres > 0.99 * low * sphere) & (metres < 1.01 * high * sphere)).all()
+
+
+def test_policies_states_keep_their_zoom(
+    generator_parts: tuple[list[Mesh], list[np.ndarray]],
+) -> None:
+    generator = PairGenerator(*generator_parts, ZOOMED, 8)
+    batch = generator.batch(8, "all_small")
+    there = generator.advance(batch, batch.counts)
+    assert torch.equal(there.zoom, batch.zoom) and there.counts.abs().max() < 1e-4
+    assert (there.observation.depth - there.true_depth).abs().mean() < 1e-4
+
+
 def test_moves_that_lose_the_object_are_not_made(
     generator_parts: tuple[list[Mesh], list[np.ndarray]],
 ) -> None:

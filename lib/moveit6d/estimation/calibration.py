@@ -16,7 +16,7 @@ from ..geometry.pose import Pose
 from ..policies import MoveMode, Policy
 from ..rendering.renderer import Renderer
 from .frame import Frame
-from .loop import Target, out_of_sight, refine_batch
+from .loop import ZOOM, Target, out_of_sight, refine_batch
 
 PAIRS = 4  # starts on either side of the known pose
 # How far they lie from it, counts: errors at one single pose are half noise.
@@ -43,7 +43,7 @@ def depth_bias(
         for offset in np.concatenate([offsets, -offsets])
     ]
     targets = [
-        Target(frame, frame.camera, mesh, mesh.outer(start))
+        Target(frame, frame.camera, mesh, mesh.outer(start), close=True)
         for start in starts
         if out_of_sight(start.translation, mesh.sphere_diameter, frame.camera) is None
     ]
@@ -52,5 +52,5 @@ def depth_bias(
         for result in refine_batch(targets, policy=policy, renderer=renderer, max_steps=1)
         if result.pose is not None
     ]
-    past = [float(difference(centred, end, diameter)[2]) for end in ends]
+    past = [float(difference(centred, end, diameter / ZOOM)[2]) for end in ends]
     return float(np.clip(LASTING * np.mean(past), -MOST, MOST)) if past else 0.0

@@ -24,6 +24,9 @@ DOUBTFUL = 0.5
 # Confidence from which a motion is continued and a pose is gone back to. Between the two an object
 # is half covered or smeared, and what seems to be its motion runs away with the track.
 SURE = 0.65
+# Counts on every axis that an object, surely seen, may have moved by for the next frame to look
+# closely at once (`loop.ZOOM`).
+STEADY = 6.0
 # Places looked at beside while the last pose is not believed: how many, how many degrees they are
 # turned, and how many counts at most they lie aside, up or down, nearer or farther.
 SEARCHED = 6
@@ -51,6 +54,7 @@ class Track:
     velocity: Tensor | None = None
     believed: bool = True
     sure: bool = True
+    steady: bool = False
     colours: Colours | None = None
     depth_bias: float = 0.0
     random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
@@ -82,6 +86,7 @@ class Track:
         before, after = self.mesh.inner(self.pose), self.mesh.inner(pose)
         was_sure = self.sure
         self.believed, self.sure = confidence >= DOUBTFUL, confidence >= SURE
+        self.steady = self.sure and not _apart(self.mesh, self.pose, pose, STEADY)
         self.velocity = None
         if was_sure and self.sure:
             turn = log_so3(after.rotation @ before.rotation.mT)
@@ -98,7 +103,7 @@ class Track:
 
     def miss(self) -> None:
         """A frame without a pose: stay where the object was."""
-        self.believed, self.sure, self.velocity = False, False, None
+        self.believed, self.sure, self.steady, self.velocity = False, False, False, None
 
     def _ahead(self, velocity: Tensor) -> Pose:
         """The pose after one more frame of the same motion."""
@@ -116,10 +121,10 @@ class Track:
         return self.mesh.outer(PoseAction.of(counts).apply(self.mesh.inner(pose), diameter))
 
 
-def _apart(mesh: Mesh, one: Pose, other: Pose) -> bool:
-    """Whether two poses differ by more than `SAME` counts on some axis."""
+def _apart(mesh: Mesh, one: Pose, other: Pose, counts: float = SAME) -> bool:
+    """Whether two poses differ by more than so many counts on some axis."""
     a, b = mesh.inner(one), mesh.inner(other)
     if float(a.translation[2]) <= 0 or float(b.translation[2]) <= 0:
         return True
     diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
-    return bool(difference(a, b, diameter).abs().max() > SAME)
+    return bool(difference(a, b, diameter).abs().max() > counts)

@@ -30,6 +30,10 @@ from .frame import Frame, prepare_frame
 # time of 30 from far starts; accuracy differed within noise (160 rendered cases of training objects
 # that were held out).
 MAX_STEPS = {MoveMode.SINGLE: 30, MoveMode.ALL_AXES: 6}
+# A real-valued policy that has come close looks closely: the middle of the object, so many times
+# larger, in which what is left of the error is as many times larger too.
+ZOOM = 1.6
+CLOSE = 5.0  # counts on every axis that the last move may have had to call it close
 NEAREST = 0.55  # distance in sphere diameters under which the camera would be inside the object
 
 
@@ -47,7 +51,8 @@ class Target:
     """One object to look for in one image; the pose is in the mesh file's frame.
 
     `image` is RGB (H, W, 3), or a `Frame` if several targets or loops share it; `depth_bias` are
-    the counts t_z that the policy is known to be off by (`calibration`).
+    the counts t_z that the policy is known to be off by when it looks closely (`calibration`);
+    `close` says that the pose is so near that it should do that at once.
     """
 
     image: Any
@@ -55,6 +60,7 @@ class Target:
     mesh: Mesh
     pose: Pose
     depth_bias: float = 0.0
+    close: bool = False
 
 
 @dataclass(frozen=True)
@@ -84,6 +90,9 @@ def refine_batch(
 ) -> list[TrackingResult]:
     """Run the loop for all targets at once, one batch a cycle; each ends by its own stop rule.
 
+    A policy of all six axes that has come close, or would stop, looks closely from then on (`ZOOM`)
+    before it may stop; what a count is shrinks with the view.
+
     `max_steps` is the limit of cycles, `MAX_STEPS` of the policy's mode if None; `step` is the
     length of single actions. `groups` numbers targets that are several starts for one object: after
     the first cycle only the most confident of each group goes on, and the results are one a group,
@@ -95,29 +104,39 @@ def refine_batch(
     limit = MAX_STEPS[policy.mode] if max_steps is None else max_steps
     begin = time.perf_counter()
     scene = _Scene.of(targets)
-    pose, trails = scene.pose, [_Trail(camera) for camera in scene.cameras]
+    pose = scene.pose
+    trails = [_Trail(*one) for one in zip(scene.cameras, scene.meshes, strict=True)]
     results: list[TrackingResult | None] = [None] * len(targets)
     active = torch.arange(len(targets))
+    zooms = policy.mode is MoveMode.ALL_AXES
+    closest = [ZOOM if zooms and target.close else 1.0 for target in targets]
+    zoom = torch.tensor(closest, dtype=torch.float64)
     objects = active if groups is None else torch.as_tensor(groups)
     for cycle in range(1, limit + 1):
         if not len(active):
             break
-        diameter, current = scene.diameter[active], pose[active]
-        seen = scene.observe(active, current, renderer)
+        closely = zoom[active] > 1
+        diameter, current = scene.diameter[active] / zoom[active], pose[active]
+        seen = scene.observe(active, current, diameter, renderer)
         decision = policy.decide(seen, Situation(current, diameter, objects[active]))
-        decision = _corrected(decision, scene.depth_bias[active])
+        decision = _corrected(decision, scene.depth_bias[active] * closely)
         action = choose_move(decision, policy.mode, step)
         moved = action.apply(current, diameter)
         going = []
         for row, i in enumerate(active.tolist()):
             end = trails[i].add(moved[row], diameter[row], action, decision.confidence, row)
+            if zooms and not closely[row] and end is not StopReason.FAILED:
+                near = end is not None or bool(action.counts[row].abs().max() < CLOSE)
+                if (near and cycle < limit) or cycle == limit - 1:
+                    zoom[i], end = ZOOM, None
+                    trails[i].look_closely()
             if end is None and cycle == limit:
                 end = StopReason.MAX_STEPS
             if end is None:
                 going.append(row)
                 continue
             milliseconds = (time.perf_counter() - begin) * 1e3
-            results[i] = trails[i].result(scene.meshes[i], end, cycle, milliseconds)
+            results[i] = trails[i].result(end, cycle, milliseconds)
         if cycle == 1 and groups is not None:
             chosen = _best(groups, trails)
             results = [result if i in chosen else None for i, result in enumerate(results)]
@@ -144,7 +163,7 @@ def _best(groups: Sequence[int], trails: Sequence[_Trail]) -> set[int]:
     members: dict[int, list[int]] = {}
     for i, group in enumerate(groups):
         members.setdefault(group, []).append(i)
-    return {max(some, key=lambda i: max(trails[i].confidences, default=-1.0))
+    return {max(some, key=lambda i: trails[i].belief)
             for some in members.values()}  # fmt: skip
 
 
@@ -181,10 +200,15 @@ class _Scene:
             Pose.stack(poses),
         )
 
-    def observe(self, active: Tensor, pose: Pose, renderer: Renderer) -> Observation:
-        """Crop and render for the active targets at their current poses."""
+    def observe(
+        self, active: Tensor, pose: Pose, diameter: Tensor, renderer: Renderer
+    ) -> Observation:
+        """Crop and render for the active targets at their current poses.
+
+        `diameter` are those of the spheres, metres, that fill the patches.
+        """
         chosen = active.tolist()
-        view = look_at(pose, self.diameter[active])
+        view = look_at(pose, diameter)
         patches = [
             crop_patch(
                 self.images[i],
@@ -195,37 +219,47 @@ class _Scene:
         ]
         meshes = [self.meshes[i] for i in chosen]
         gbuffer = renderer.render(meshes, view.to_virtual(pose), view.intrinsics)
-        return observe(torch.stack(patches), gbuffer, view, self.diameter[active])
+        return observe(torch.stack(patches), gbuffer, view, diameter)
 
 
 class _Trail:
     """The poses that one target has visited, and whether the next one ends its loop."""
 
-    def __init__(self, camera: Camera) -> None:
-        self.camera = camera
+    def __init__(self, camera: Camera, mesh: Mesh) -> None:
+        self.camera, self.mesh = camera, mesh
         self.error = ""
         self.poses: list[Pose] = []
         self.confidences: list[float] = []
+        self.belief = -1.0  # in the best of its poses
         self.best = -1
 
     def add(
         self, pose: Pose, diameter: Tensor, action: PoseAction, confidence: Tensor, row: int
     ) -> StopReason | None:
-        """Record the pose after a move; the reason to stop now, if there is one."""
+        """Record the pose after a move; the reason to stop now, if there is one.
+
+        `diameter` is that of the sphere, metres, that filled the patch.
+        """
         self.error = "a move led to numbers that are not finite"
         if torch.isfinite(pose.translation).all():
-            self.error = out_of_sight(pose.translation, float(diameter), self.camera) or ""
+            reach = self.mesh.sphere_diameter
+            self.error = out_of_sight(pose.translation, reach, self.camera) or ""
         if self.error:
             return StopReason.FAILED
         seen_before = self._revisited(pose, diameter)
         self.poses.append(pose)
         self.confidences.append(float(confidence[row]))
+        self.belief = max(self.belief, self.confidences[-1])
         if bool(action.stop[row]) or seen_before is None:
             self.best = len(self.poses) - 1
             return StopReason.STOP_ACTION if bool(action.stop[row]) else None
         cycle = range(seen_before, len(self.poses))
         self.best = max(cycle, key=lambda i: self.confidences[i])
         return StopReason.REVISITED
+
+    def look_closely(self) -> None:
+        """Begin anew where the trail has come to: what counts as the same pose is finer now."""
+        self.poses, self.confidences, self.best = [], [], -1
 
     def _revisited(self, pose: Pose, diameter: Tensor) -> int | None:
         """The first earlier pose that is the same to half a step on every axis."""
@@ -240,14 +274,12 @@ class _Trail:
         same = (counts.abs().amax(-1) < 0.5).nonzero()
         return int(same[0, 0]) if len(same) else None
 
-    def result(
-        self, mesh: Mesh, reason: StopReason, steps: int, milliseconds: float
-    ) -> TrackingResult:
+    def result(self, reason: StopReason, steps: int, milliseconds: float) -> TrackingResult:
         if reason is StopReason.FAILED or not self.poses:
             # What to check is for starts; a track that got here began well.
             error = f"The object is lost: {self.error.split(';')[0]}."
             return TrackingResult(None, steps, StopReason.FAILED, 0.0, milliseconds, error)
-        pose = mesh.outer(self.poses[self.best])
+        pose = self.mesh.outer(self.poses[self.best])
         confidence = self.confidences[self.best]
         return TrackingResult(pose, steps, reason, confidence, milliseconds)
 

@@ -130,7 +130,8 @@ class PoseTracker:
                 centre = track.mesh.inner(pose).translation
                 first = number not in groups
                 if first or out_of_sight(centre, track.mesh.sphere_diameter, frame.camera) is None:
-                    targets.append(Target(frame, self.camera, track.mesh, pose, track.depth_bias))
+                    bias, close = track.depth_bias, track.steady
+                    targets.append(Target(frame, self.camera, track.mesh, pose, bias, close))
                     groups.append(number)
         return refine_batch(
             targets,

@@ -41,6 +41,8 @@ class PairConfig:
     hands: HandConfig = field(default_factory=HandConfig)
     bank: BankConfig = field(default_factory=BankConfig)
     distance: tuple[float, float] = (2.2, 14.0)  # of the object in diameters, log-uniform
+    zoomed: float = 0.0  # share of pairs of which the patch shows only the middle of the object …
+    zoom: tuple[float, float] = (1.1, 2.0)  # … so many times larger; all counts are larger, too
     # What a policy may move at once, and how far off it may lead, in training on its own states.
     farthest: tuple[float, ...] = (35.0, 35.0, 20.0, 25.0, 25.0, 25.0)
     texture_gain: float = 0.2  # how far the mesh's colours may be from the object's, a channel
@@ -55,8 +57,9 @@ class TrainingBatch:
     object declares symmetries; `true_depth` (B, 1, 128, 128) is the true pose's
     depth as in `Observation.depth`, `true_mask` (B, 1, 128, 128) its silhouette and `visible`
     (B, 1, 128, 128) what of that nothing covers; `clear` (B, 1, 128, 128) is 1 where nothing would
-    cover the object; `mesh` (B,) is the index of the object and `rotation` (B, 3, 3) the start's in
-    its look-at view.
+    cover the object; `mesh` (B,) is the index of the object, `zoom` (B,) how many times larger than
+    usual the patch shows it (counts, distance and depths are in diameters divided by that), and
+    `rotation` (B, 3, 3) the start's in its look-at view.
     """
 
     observation: Observation
@@ -66,6 +69,7 @@ class TrainingBatch:
     visible: Tensor
     clear: Tensor
     mesh: Tensor
+    zoom: Tensor
     rotation: Tensor
 
     def to(self, device: torch.device) -> TrainingBatch:
@@ -99,9 +103,10 @@ class PairGenerator:
     def compose(self, index: Tensor, counts: Tensor) -> TrainingBatch:
         """Pairs of the given meshes (B,) whose truth lies `counts` (B, 6) away from the start."""
         meshes = [self.meshes[int(i)] for i in index]
-        diameter = torch.tensor([mesh.sphere_diameter for mesh in meshes], dtype=torch.float64)
+        zoom = self._zoom(len(meshes))
+        diameter = _diameters(meshes) / zoom
         low, high = np.log(self.config.distance)
-        distance = torch.from_numpy(np.exp(self.random.uniform(low, high, len(meshes))))
+        distance = torch.from_numpy(np.exp(self.random.uniform(low, high, len(meshes)))) * zoom
         rotation = random_rotations(len(meshes), self.generator)
         ahead = torch.zeros(len(meshes), 3, dtype=torch.float64)
         ahead[:, 2] = distance * diameter
@@ -119,7 +124,7 @@ class PairGenerator:
         observation = Observation(picture, rendering, relative, rendered.mask, distance.float())
         return TrainingBatch(
             observation, counts.float(), true_depth, observed.mask, observed.mask * clear, clear,
-            index, rotation,
+            index, zoom, rotation,
         )  # fmt: skip
 
     def advance(self, batch: TrainingBatch, moves: Tensor) -> TrainingBatch:
@@ -129,7 +134,7 @@ class PairGenerator:
         lose the object, or that leads farther away than `farthest`, is not made.
         """
         meshes = [self.meshes[int(i)] for i in batch.mesh]
-        diameter = torch.tensor([mesh.sphere_diameter for mesh in meshes], dtype=torch.float64)
+        diameter = _diameters(meshes) / batch.zoom
         ahead = torch.zeros(len(meshes), 3, dtype=torch.float64)
         ahead[:, 2] = batch.observation.distance.double() * diameter
         start = Pose(batch.rotation, ahead)
@@ -153,8 +158,17 @@ class PairGenerator:
         )
         return TrainingBatch(
             observation, nearest_counts(meshes, here, goal, diameter).float(), true_depth,
-            observed.mask, observed.mask * clear, clear, batch.mesh, here.rotation,
+            observed.mask, observed.mask * clear, clear, batch.mesh, batch.zoom,
+            here.rotation,
         )  # fmt: skip
+
+    def _zoom(self, number: int) -> Tensor:
+        """How many times larger than usual each of so many patches shows its object: (B,)."""
+        if not self.config.zoomed:
+            return torch.ones(number, dtype=torch.float64)
+        larger = np.exp(self.random.uniform(*np.log(self.config.zoom), number))
+        chosen = self.random.random(number) < self.config.zoomed
+        return torch.from_numpy(np.where(chosen, larger, 1.0))
 
     def _sensible(self, moves: Tensor, start: Pose, truth: Pose, diameter: Tensor) -> Tensor:
         """The moves (B, 6), zero where they would lose the object."""
@@ -175,6 +189,11 @@ class PairGenerator:
                 coarse, (PATCH_SIZE, PATCH_SIZE), mode="bilinear", align_corners=True
             )
         return (shade_plain(rendered) * (1 + gain)).clamp(0, 1)
+
+
+def _diameters(meshes: list[Mesh]) -> Tensor:
+    """Of the bounding spheres, metres: (B,)."""
+    return torch.tensor([mesh.sphere_diameter for mesh in meshes], dtype=torch.float64)
 
 
 def _relative(buffer: GBuffer, distance: Tensor, diameter: Tensor) -> Tensor:

@@ -264,6 +264,54 @@ def _construct(rng: np.random.Generator) -> list[Part]:
     return parts
 
 
+def _stick(rng: np.random.Generator) -> list[Part]:
+    """Something long and slender, perhaps wider at an end: a pen, spoon, wrench, file, spatula."""
+    flat = rng.uniform(0.3, 1.0)
+    thick = rng.uniform(0.03, 0.09)
+    at = np.linspace(0, 1, 18)
+    radii = thick * np.interp(at, np.linspace(0, 1, 4), np.exp(rng.uniform(-0.5, 0.2, 4)))
+    radii[[0, -1]] = 0
+    shaft = make.lathe(radii, 2 * (0.5 - at), 24).scaled((1, flat, 1))
+    parts = [_deformed(rng, shaft, 0.15)]
+    for skin, end in enumerate((1, -1)[: int(rng.integers(0, 3))], 1):
+        sizes = thick * np.array([rng.uniform(1.2, 3.5), rng.uniform(0.6, 1.3), rng.uniform(2, 7)])
+        parts.append(_block(rng, 2 * sizes).moved((0, 0, end * rng.uniform(0.8, 1.0)), skin))
+    if rng.random() < 0.3:  # a sleeve of another colour
+        sleeve = make.cylinder(1.1 * thick, rng.uniform(0.2, 0.8)).scaled((1, max(flat, 0.6), 1))
+        parts.append(sleeve.moved((0, 0, rng.uniform(-0.5, 0.5)), 3))
+    return parts
+
+
+def _pincers(rng: np.random.Generator) -> list[Part]:
+    """Two slender arms that cross at a pin, with rings or handles: scissors, pliers, tongs."""
+    opened, pin = rng.uniform(0.0, 0.5), rng.uniform(-0.2, 0.4)
+    width, thick = rng.uniform(0.08, 0.22), rng.uniform(0.03, 0.1)
+    ring, handle = rng.uniform(0.16, 0.3), rng.uniform(0.03, 0.07)
+    ringed = rng.random() < 0.6
+    around = np.linspace(0, 2 * np.pi, 18)
+    one_skin = int(rng.integers(2))  # blades and handles of one colour, or of two
+    arms: list[Part] = []
+    for side in (-1, 1):
+        blade = make.box((thick, width, 1.0))
+        blade = replace(blade, vertices=make.taper(blade.vertices, rng.uniform(0.3, 1.4)))
+        arm = [blade.moved((0, 0, 0.5), 0), make.box((thick, 0.7 * width, 0.5)).moved((0, 0, -0.2))]
+        if ringed:
+            path = np.stack([0 * around, ring * np.cos(around), 1.4 * ring * np.sin(around)], -1)
+            grip = make.tube(path, handle, 8).moved((0, side * 0.6 * ring, -0.4 - ring), one_skin)
+        else:
+            long = rng.uniform(0.5, 1.0)
+            at = np.linspace(0, 1, 10)
+            path = np.stack([0 * at, side * 0.25 * np.sin(2.5 * at) * long, -0.3 - long * at], -1)
+            grip = make.tube(path, 1.4 * handle, 8).moved((0, 0, 0), one_skin)
+        turn = make.about(0, side * opened / 2)
+        shift = (0.5 * side * thick, 0, pin)
+        arms += [part.turned(turn).moved(shift, part.skin) for part in (*arm, grip)]
+    if rng.random() < 0.5:
+        head = make.cylinder(0.35 * width, 4 * thick).turned(make.about(1, np.pi / 2))
+        arms.append(head.moved((0, 0, pin), 2))
+    return arms
+
+
 def _block(rng: np.random.Generator, sizes: Floats) -> Part:
     """A box, rounded box, cylinder, cone-like or ball-like body with the given extents (3,)."""
     kind = int(rng.integers(4))
@@ -301,4 +349,5 @@ def _warped(rng: np.random.Generator, points: Floats, strength: float) -> Floats
 Family = Callable[[np.random.Generator], list[Part]]
 FAMILIES: tuple[Family, ...] = (
     _carton, _vessel, _vessel, _blob, _creature, _tool, _badge, _vehicle, _construct,
+    _stick, _stick, _pincers, _pincers,
 )  # fmt: skip

@@ -27,7 +27,7 @@ from .pairs import TrainingBatch
 from .source import PairSource
 
 MANIFEST = "pairs.json"
-FORMAT = "moveit6d-pairs-1"
+FORMAT = "moveit6d-pairs-2"
 
 
 @dataclass(frozen=True)
@@ -190,6 +190,7 @@ def _packed(batch: TrainingBatch) -> dict[str, Tensor]:
         "distance": seen.distance,
         "counts": batch.counts,
         "mesh": batch.mesh,
+        "zoom": batch.zoom,
         "rotation": batch.rotation,
     }
 
@@ -202,7 +203,7 @@ def _unpacked(stored: dict[str, Any]) -> TrainingBatch:
     )  # fmt: skip
     return TrainingBatch(
         observation, stored["counts"], stored["true_depth"].float(), true_mask, true_mask * clear,
-        clear, stored["mesh"], stored["rotation"],
+        clear, stored["mesh"], stored["zoom"], stored["rotation"],
     )  # fmt: skip
 
 
