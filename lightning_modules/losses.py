@@ -88,7 +88,7 @@ def correlation_losses(
     counts = output.decision.counts
     assert counts is not None
     error = point_error(batch, counts)
-    right = (error.detach() < RIGHT).float()
+    right = is_right(batch, error.detach())
     return {
         "matching": matching_loss(output.matching, coarse, radius),
         "coarse": coarse_flow,
@@ -137,6 +137,14 @@ def action_loss(decision: Decision, batch: TrainingBatch) -> Tensor:
     It stands in for the paper's Hamming distance of one-hot vectors, which has no useful gradient.
     """
     return functional.cross_entropy(decision.logits, expert_action(batch.counts))
+
+
+def is_right(batch: TrainingBatch, error: Tensor) -> Tensor:
+    """Which poses (B,) with these `point_error`s count as right, 1 or 0.
+
+    By the object as it is, however large the patch shows it.
+    """
+    return (error < RIGHT * batch.zoom.to(error)).float()
 
 
 def point_error(batch: TrainingBatch, counts: Tensor) -> Tensor:

@@ -20,7 +20,7 @@ from moveit6d.networks.correlation import CorrelationNet
 from moveit6d.networks.weights_file import load_network, save_network
 from moveit6d.synthesis.pairs import TrainingBatch
 
-from .losses import RIGHT, LossWeights, action_loss, correlation_losses, point_error
+from .losses import LossWeights, action_loss, correlation_losses, is_right, point_error
 
 
 class PoseActionModule(pl.LightningModule):
@@ -100,7 +100,7 @@ class PoseActionModule(pl.LightningModule):
         values["error_left"] = (
             (counts - batch.counts).abs().sum() / batch.counts.abs().sum()
         ).detach()
-        values["right"] = (point_error(batch, counts.detach()) < RIGHT).float().mean()
+        values["right"] = is_right(batch, point_error(batch, counts.detach())).mean()
         return loss, values
 
     def configure_optimizers(self) -> Any:

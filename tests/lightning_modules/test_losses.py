@@ -11,6 +11,7 @@ from lightning_modules.losses import (
     LossWeights,
     cell_truth,
     correlation_losses,
+    is_right,
     matching_loss,
     point_error,
 )
@@ -68,6 +69,12 @@ def test_point_error_is_zero_at_the_truth_and_grows(batch: TrainingBatch) -> Non
     expected = batch.observation.distance / (128 / 1.4)
     assert torch.allclose(error, expected, rtol=0.2)
     assert (point_error(batch, off) > RIGHT).any() or (expected < RIGHT).all()
+
+
+def test_a_pose_is_right_by_the_object_not_by_the_patch(batch: TrainingBatch) -> None:
+    error = torch.full((len(batch.counts),), 1.3 * RIGHT)
+    assert not is_right(batch, error).any()
+    assert is_right(replace(batch, zoom=1.5 * batch.zoom), error).all()
 
 
 def test_every_term_is_finite_has_a_weight_and_a_gradient(batch: TrainingBatch) -> None:

@@ -166,7 +166,8 @@ class PairGenerator:
         """How many times larger than usual each of so many patches shows its object: (B,)."""
         if not self.config.zoomed:
             return torch.ones(number, dtype=torch.float64)
-        larger = np.exp(self.random.uniform(*np.log(self.config.zoom), number))
+        low, high = np.log(self.config.zoom)
+        larger = np.exp(self.random.uniform(low, high, number))
         chosen = self.random.random(number) < self.config.zoomed
         return torch.from_numpy(np.where(chosen, larger, 1.0))
 
