@@ -26,7 +26,7 @@ SCALES = ((2, 2), (1, 1))  # pixels a segment of the lines; one rendering for ea
 POINTS = 200  # of the outline
 FEWEST = 20  # points without which nothing is done
 # How far the given pose may be off, counts: what outlines say counts less the smaller these are.
-SPREAD = np.array([0.7, 0.7, 1.5, 1.5, 1.5, 1.0])
+SPREAD = np.array([0.4, 0.4, 0.9, 0.9, 0.9, 0.6])
 ALIKE = 5.0  # neighbouring lines err alike: so many of them count as one
 FAR = 3.0  # pixels beyond which a line is hardly believed: something covers the outline there
 LIMIT = 5.0  # counts a step
