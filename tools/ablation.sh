@@ -20,7 +20,7 @@ write() { # FOLDER CONFIG [NAME=VALUE …]: the pairs that every network of a gr
     shift 2
     for one in "$@"; do sets+=(--set "$one"); done
     moveit6d write-pairs --config "$config" "${sets[@]}" --output "$folder" --shards "$shards" \
-        --batches "$batches" --seed 0
+        --batches "$batches" --seed 0 >&2
 }
 train() { # NAME PAIRS RATE CONFIG …: weights in OUTPUT/NAME
     local name=$1 pairs=$2 rate=$3 configs=()
@@ -36,7 +36,7 @@ train() { # NAME PAIRS RATE CONFIG …: weights in OUTPUT/NAME
             {dirpath: $output/$name, every_n_train_steps: 100, save_last: true, save_top_k: 0}},
             {class_path: lightning_modules.callbacks.WeightsExport, init_args:
             {folder: $output/$name, every_n_steps: 100}},
-            {class_path: lightning_modules.callbacks.FigureLine}]"
+            {class_path: lightning_modules.callbacks.FigureLine}]" >&2
     touch "$output/$name/done"
 }
 measure() { # NAME WEIGHTS OBJECTS [OPTION …]: a row of the table

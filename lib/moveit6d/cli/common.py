@@ -75,7 +75,7 @@ def add_tracking_options(parser: argparse.ArgumentParser) -> None:
         "--max_steps",
         type=positive,
         metavar="N",
-        help="cycles a frame at most (default: 6, with single actions 30)",
+        help="cycles a frame at most (default: 8, with single actions 30)",
     )
     group.add_argument(
         "--single_actions",

@@ -29,7 +29,7 @@ SURE = 0.65
 STEADY = 6.0
 # Places looked at beside while the last pose is not believed: how many, how many degrees they are
 # turned, and how many counts at most they lie aside, up or down, nearer or farther.
-SEARCHED = 6
+SEARCHED = 12
 SEARCH_TURN = (10.0, 30.0)
 SEARCH_SHIFT = (25.0, 25.0, 8.0)
 # Two starts within so many counts on every axis lead to the same place: one of them is enough.
