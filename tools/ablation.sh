@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The paper's policy and ours, trained on the same pairs for the same steps: docs/results/ablation.md.
+# The paper's policy and ours, trained on the same pairs for the same steps: a table.
 #
 #   tools/ablation.sh MESHES PHOTOS OBJECTS BACKGROUNDS OUTPUT [STEPS]
 #

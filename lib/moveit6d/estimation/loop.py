@@ -26,9 +26,9 @@ from ..policies import MoveMode, Policy, Situation, choose_move
 from ..rendering.renderer import Renderer
 from .frame import Frame, prepare_frame
 
-# Cycles at most: the paper's limit for single steps. With all axes at once, of 160 rendered cases of
-# training objects that were held out, from far starts and a third covered, 74.4, 76.9 and 76.2 % end
-# below 10 % of the diameter with six, eight and eleven; from small disturbances they are the same.
+# Cycles at most: the paper's limit for single steps. With all axes at once, of 160 rendered cases
+# of held-out training objects, far starts and a third covered, 74.4, 76.9 and 76.2 % end below 10 % of
+# the diameter with six, eight and eleven; from small disturbances they are the same.
 MAX_STEPS = {MoveMode.SINGLE: 30, MoveMode.ALL_AXES: 8}
 # A real-valued policy that has come close looks closely: the middle of the object, so many times
 # larger, in which what is left of the error is as many times larger too.
@@ -90,9 +90,7 @@ def refine_batch(
 ) -> list[TrackingResult]:
     """Run the loop for all targets at once, one batch a cycle; each ends by its own stop rule.
 
-    A policy of all six axes that has come close, or would stop, looks closely from then on (`ZOOM`)
-    before it may stop; what a count is shrinks with the view.
-
+    A policy of all six axes looks closely (`ZOOM`) once it has come close, and before it stops.
     `max_steps` is the limit of cycles, `MAX_STEPS` of the policy's mode if None; `step` is the
     length of single actions. `groups` numbers targets that are several starts for one object: after
     the first cycle only the most confident of each group goes on, and the results are one a group,
@@ -109,8 +107,7 @@ def refine_batch(
     results: list[TrackingResult | None] = [None] * len(targets)
     active = torch.arange(len(targets))
     zooms = policy.mode is MoveMode.ALL_AXES
-    closest = [ZOOM if zooms and target.close else 1.0 for target in targets]
-    zoom = torch.tensor(closest, dtype=torch.float64)
+    zoom = torch.tensor([ZOOM if zooms and target.close else 1.0 for target in targets])
     objects = active if groups is None else torch.as_tensor(groups)
     for cycle in range(1, limit + 1):
         if not len(active):
@@ -125,28 +122,38 @@ def refine_batch(
         going = []
         for row, i in enumerate(active.tolist()):
             end = trails[i].add(moved[row], diameter[row], action, decision.confidence, row)
-            if zooms and not closely[row] and end is not StopReason.FAILED:
-                near = end is not None or bool(action.counts[row].abs().max() < CLOSE)
-                if (near and cycle < limit) or cycle == limit - 1:
-                    zoom[i], end = ZOOM, None
-                    trails[i].look_closely()
+            if zooms and not closely[row] and _comes_close(action, row, end, limit - cycle):
+                zoom[i], end = ZOOM, None
+                trails[i].look_closely()
             if end is None and cycle == limit:
                 end = StopReason.MAX_STEPS
             if end is None:
                 going.append(row)
                 continue
-            milliseconds = (time.perf_counter() - begin) * 1e3
-            results[i] = trails[i].result(end, cycle, milliseconds)
+            results[i] = trails[i].result(end, cycle, (time.perf_counter() - begin) * 1e3)
         if cycle == 1 and groups is not None:
             chosen = _best(groups, trails)
             results = [result if i in chosen else None for i, result in enumerate(results)]
             going = [row for row in going if int(active[row]) in chosen]
-        pose = Pose(
-            pose.rotation.index_copy(0, active, moved.rotation),
-            pose.translation.index_copy(0, active, moved.translation),
-        )
+        pose = _replaced(pose, active, moved)
         active = active[going]
     return [result for result in results if result is not None]
+
+
+def _comes_close(action: PoseAction, row: int, end: StopReason | None, left: int) -> bool:
+    """Whether to look closely after a move: `left` cycles are left, `end` is why it would end."""
+    if end is StopReason.FAILED:
+        return False
+    near = end is not None or bool(action.counts[row].abs().max() < CLOSE)
+    return (near and left > 0) or left == 1
+
+
+def _replaced(poses: Pose, index: Tensor, moved: Pose) -> Pose:
+    """The poses (N) with those at `index` (M) replaced by others (M)."""
+    return Pose(
+        poses.rotation.index_copy(0, index, moved.rotation),
+        poses.translation.index_copy(0, index, moved.translation),
+    )
 
 
 def _corrected(decision: Decision, depth_bias: Tensor) -> Decision:
