@@ -27,8 +27,8 @@ from ..rendering.renderer import Renderer
 from .frame import Frame, prepare_frame
 
 # Cycles at most: the paper's limit for single steps. With all axes at once, of 160 rendered cases
-# of held-out training objects, far starts and a third covered, 74.4, 76.9 and 76.2 % end below 10 % of
-# the diameter with six, eight and eleven; from small disturbances they are the same.
+# of held-out training objects, far starts and a third covered, 74.4, 76.9 and 76.2 % end below 10 %
+# of the diameter with six, eight and eleven; from small disturbances they are the same.
 MAX_STEPS = {MoveMode.SINGLE: 30, MoveMode.ALL_AXES: 8}
 # A real-valued policy that has come close looks closely: the middle of the object, so many times
 # larger, in which what is left of the error is as many times larger too.
