@@ -35,7 +35,7 @@ def near(brick: Mesh) -> Target:
 def test_only_pose_and_time_change(near: Target) -> None:
     given = TrackingResult(near.pose, 3, StopReason.STOP_ACTION, 0.7, 5.0)
     found, colours = last_word(near, given, make_renderer())
-    assert off(found.pose, near.mesh) < 0.7 * off(given.pose, near.mesh)
+    assert off(found.pose, near.mesh) < 0.8 * off(given.pose, near.mesh)
     assert found.milliseconds > 5.0 and colours is not None
     assert replace(found, pose=None, milliseconds=5.0) == replace(given, pose=None)
 
@@ -54,4 +54,4 @@ def test_an_estimator_polishes_unless_it_is_told_not_to(near: Target) -> None:
         for regions in (True, False)
     )
     assert off(plain, near.mesh) == pytest.approx(8**0.5, abs=0.1)
-    assert off(polished, near.mesh) < 0.7 * off(plain, near.mesh)
+    assert off(polished, near.mesh) < 0.8 * off(plain, near.mesh)

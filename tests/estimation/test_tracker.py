@@ -130,7 +130,7 @@ def test_the_outline_has_the_last_word(brick: Mesh) -> None:
         torch.testing.assert_close(result.pose.matrix(), tracker.poses[0].matrix())
         far.append(difference(truth, brick.inner(result.pose), diameter).norm())
         assert (tracker.tracks[0].colours is not None) == regions
-    assert far[0] < 0.7 * far[1]
+    assert far[0] < 0.8 * far[1]
     assert far[1] == pytest.approx(8**0.5, abs=0.1)
 
 
