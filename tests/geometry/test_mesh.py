@@ -7,7 +7,7 @@ import trimesh
 from PIL import Image
 
 from moveit6d.errors import InputError
-from moveit6d.geometry.mesh import Mesh, bounding_sphere, largest_distance
+from moveit6d.geometry.mesh import Mesh, bounding_sphere, largest_distance, sphere_diameters
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.surface import Surface, join
 from tests.support import meshes
@@ -211,6 +211,13 @@ def test_the_frame_is_centred_on_the_bounding_sphere():
     assert mesh.diameter == pytest.approx(diagonal)
     assert np.linalg.norm(mesh.vertices, axis=1).max() == pytest.approx(diagonal / 2, rel=1e-6)
     assert (mesh.vertices.dtype, mesh.faces.dtype, mesh.normals.dtype) == ("f4", "i4", "f4")
+
+
+def test_sphere_diameters_are_those_of_the_meshes_in_order():
+    sides = [(0.1, 0.06, 0.04), (0.3, 0.2, 0.1)]
+    found = sphere_diameters(meshes.colored_box(one) for one in sides)
+    assert found.dtype == torch.float64
+    np.testing.assert_allclose(found, np.linalg.norm(sides, axis=1), rtol=1e-6)
 
 
 def test_sphere_and_evaluation_diameters_differ_for_a_tetrahedron():

@@ -43,9 +43,10 @@ class Track:
     """What a tracker remembers of one object; poses are the mesh file's, float64.
 
     `pose` is the last one found, `velocity` (2, 3) its last turn (radians) and shift (metres) from
-    frame to frame about the object's centre, `trusted` the last one that was sure; `colours` are
-    the object's and its surroundings' in the frames that were believed, `depth_bias` what the
-    policy is known to be off by (`calibration`).
+    frame to frame about the object's centre, `trusted` the last one that was sure; `steady` says
+    that it is the last one and hardly moved; `colours` are the object's and its surroundings' in
+    the frames that were believed, `depth_bias` what the policy is known to be off by when it looks
+    closely (`calibration`).
     """
 
     mesh: Mesh

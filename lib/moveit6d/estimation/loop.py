@@ -18,7 +18,7 @@ from ..actions import PoseAction, difference
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.crop import View, crop_patch, look_at
-from ..geometry.mesh import Mesh
+from ..geometry.mesh import Mesh, sphere_diameters
 from ..geometry.pose import Pose
 from ..networks.decision import Decision
 from ..observation import Observation, observe
@@ -202,7 +202,7 @@ class _Scene:
             [frame.camera for frame in frames],
             [frame.camera.matrix() for frame in frames],
             [target.mesh for target in targets],
-            torch.tensor([t.mesh.sphere_diameter for t in targets], dtype=torch.float64),
+            sphere_diameters(target.mesh for target in targets),
             torch.tensor([t.depth_bias for t in targets]),
             Pose.stack(poses),
         )

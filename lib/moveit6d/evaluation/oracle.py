@@ -12,7 +12,7 @@ import torch
 
 from ..actions import PoseAction, difference
 from ..estimation import Target, refine_batch
-from ..geometry.mesh import Mesh
+from ..geometry.mesh import Mesh, sphere_diameters
 from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
 from ..policies import MoveMode, OraclePolicy
@@ -36,7 +36,7 @@ def oracle_errors(
     image = np.full((CAMERA.height, CAMERA.width, 3), 128, np.uint8)
     for begin in range(0, starts, BATCH):
         chosen = [meshes[k % len(meshes)] for k in range(begin, min(begin + BATCH, starts))]
-        diameter = torch.tensor([mesh.sphere_diameter for mesh in chosen], dtype=torch.float64)
+        diameter = sphere_diameters(chosen)
         counts = np.stack([draw_counts(random, ClusterConfig()) for _ in chosen])
         side = random.uniform([-0.8, -0.6, 3.5], [0.8, 0.6, 8.0], (len(chosen), 3))
         place = torch.from_numpy(side) * diameter[:, None]

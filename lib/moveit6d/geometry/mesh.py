@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -14,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from ..errors import InputError
 from .normals import smooth_normals
@@ -131,6 +133,11 @@ class Mesh:
 
     def _moved_center(self, pose: Pose) -> torch.Tensor:
         return pose.rotation @ torch.from_numpy(self.center).to(pose.rotation)
+
+
+def sphere_diameters(meshes: Iterable[Mesh]) -> Tensor:
+    """Of the bounding spheres of meshes, metres, float64: (B,)."""
+    return torch.tensor([mesh.sphere_diameter for mesh in meshes], dtype=torch.float64)
 
 
 def bounding_sphere(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:

@@ -16,7 +16,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE
-from ..geometry.mesh import Mesh
+from ..geometry.mesh import Mesh, sphere_diameters
 from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
 from ..rendering.renderer import Renderer
@@ -71,7 +71,7 @@ class OccluderBank:
         meshes = [self.meshes[int(k)] for k in which]
         low, high = np.log(self.distance)
         distance = torch.exp(dice.uniform(count, between=(low, high))).double()
-        diameter = torch.tensor([mesh.sphere_diameter for mesh in meshes], dtype=torch.float64)
+        diameter = sphere_diameters(meshes)
         ahead = torch.zeros(count, 3, dtype=torch.float64)
         ahead[:, 2] = distance * diameter
         poses = Pose(random_rotations(count, dice.generator), ahead)

@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from ..actions import PoseAction, difference
 from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE, crop_patches, look_at
-from ..geometry.mesh import Mesh
+from ..geometry.mesh import Mesh, sphere_diameters
 from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
 from ..observation import Observation
@@ -104,7 +104,7 @@ class PairGenerator:
         """Pairs of the given meshes (B,) whose truth lies `counts` (B, 6) away from the start."""
         meshes = [self.meshes[int(i)] for i in index]
         zoom = self._zoom(len(meshes))
-        diameter = _diameters(meshes) / zoom
+        diameter = sphere_diameters(meshes) / zoom
         low, high = np.log(self.config.distance)
         distance = torch.from_numpy(np.exp(self.random.uniform(low, high, len(meshes)))) * zoom
         rotation = random_rotations(len(meshes), self.generator)
@@ -134,7 +134,7 @@ class PairGenerator:
         lose the object, or that leads farther away than `farthest`, is not made.
         """
         meshes = [self.meshes[int(i)] for i in batch.mesh]
-        diameter = _diameters(meshes) / batch.zoom
+        diameter = sphere_diameters(meshes) / batch.zoom
         ahead = torch.zeros(len(meshes), 3, dtype=torch.float64)
         ahead[:, 2] = batch.observation.distance.double() * diameter
         start = Pose(batch.rotation, ahead)
@@ -190,11 +190,6 @@ class PairGenerator:
                 coarse, (PATCH_SIZE, PATCH_SIZE), mode="bilinear", align_corners=True
             )
         return (shade_plain(rendered) * (1 + gain)).clamp(0, 1)
-
-
-def _diameters(meshes: list[Mesh]) -> Tensor:
-    """Of the bounding spheres, metres: (B,)."""
-    return torch.tensor([mesh.sphere_diameter for mesh in meshes], dtype=torch.float64)
 
 
 def _relative(buffer: GBuffer, distance: Tensor, diameter: Tensor) -> Tensor:

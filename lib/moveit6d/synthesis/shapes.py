@@ -302,7 +302,7 @@ def _pincers(rng: np.random.Generator) -> list[Part]:
             long = rng.uniform(0.5, 1.0)
             at = np.linspace(0, 1, 10)
             path = np.stack([0 * at, side * 0.25 * np.sin(2.5 * at) * long, -0.3 - long * at], -1)
-            grip = make.tube(path, 1.4 * handle, 8).moved((0, 0, 0), one_skin)
+            grip = replace(make.tube(path, 1.4 * handle, 8), skin=one_skin)
         turn = make.about(0, side * opened / 2)
         shift = (0.5 * side * thick, 0, pin)
         arms += [part.turned(turn).moved(shift, part.skin) for part in (*arm, grip)]
