@@ -29,7 +29,7 @@ from moveit6d.datasets.bop import (
     write_results,
 )
 from moveit6d.datasets.bop_writer import BopImage, write_bop
-from moveit6d.estimation import Target, refine_batch
+from moveit6d.estimation import Target, refine_single
 from moveit6d.evaluation.bop import results_table, score_results, targets_of
 from moveit6d.geometry.rotation import exp_so3
 from moveit6d.synthesis.demo_object import demo_object
@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for row in rows
         ]
         for row, result in zip(
-            rows, refine_batch(targets, policy=policy, renderer=renderer), strict=True
+            rows, refine_single(targets, policy=policy, renderer=renderer), strict=True
         ):
             pose = initial[row].pose if result.pose is None else result.pose
             refined[row] = replace(initial[row], pose=pose, score=result.confidence)

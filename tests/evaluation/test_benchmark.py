@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 import torch
+from PIL import Image
 
 from moveit6d.datasets.files import PoseRow, read_poses, write_poses
 from moveit6d.datasets.sequences import read_sequence, read_sequences
@@ -61,6 +62,25 @@ def test_the_loop_follows_the_truth_through_a_sequence(make_sequence: Make, tmp_
     torch.testing.assert_close(written[0].pose.translation, made.poses[0].translation)
     assert path.read_text().splitlines()[0].startswith("frame,r11,r12")
     assert score_results([sequence], tmp_path / "ours")["easy_00"].below_10 == 1.0
+
+
+@pytest.mark.parametrize("damage", ["wrong size", "no image"])
+def test_a_first_frame_that_teaches_nothing_does_not_end_the_sequence(
+    make_sequence: Make, damage: str
+) -> None:
+    made = make_sequence(frames=4)
+    (sequence,) = read_sequence(made.folder)
+    first = made.folder / "frames" / "000000.png"
+    if damage == "wrong size":
+        Image.new("RGB", (10, 10)).save(first)
+    else:
+        first.write_bytes(b"no picture")
+
+    def make_tracker(mesh: Mesh, camera: Camera, start: Pose) -> PoseTracker:
+        return OracleTracker(made.poses, mesh, camera, start)
+
+    found = score_track(sequence, gather(sequence, run_sequence(sequence, make_tracker), None))
+    assert found is not None and found.below_5 == 1.0 and found.frames == 3
 
 
 def test_without_a_path_nothing_is_written(make_sequence: Make, tmp_path: Path) -> None:

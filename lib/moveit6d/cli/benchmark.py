@@ -14,6 +14,7 @@ from . import benchmark_tracking
 from .common import (
     add_machine_options,
     add_regions_option,
+    add_search_option,
     add_tracking_options,
     add_verb,
     positive,
@@ -88,6 +89,7 @@ def add_parser(verbs: Any) -> None:
     three.add_argument("--number", type=positive, default=200, metavar="N", help="cases")
     three.add_argument("--seed", type=int, default=0, metavar="N", help="of the cases")
     add_tracking_options(three)
+    add_search_option(three)
     add_regions_option(three)
     three.set_defaults(run=rendered)
     four = add_verb(kinds, "oracle", "prove the loop", ORACLE, ORACLE_EXAMPLES)
@@ -145,7 +147,10 @@ def rendered(args: argparse.Namespace) -> int:
         number=args.number, seed=args.seed,
     ))  # fmt: skip
     found = list(progress(
-        run_cases(cases, policy, renderer, args.max_steps, regions=not args.no_regions),
+        run_cases(
+            cases, policy, renderer, args.max_steps,
+            search=not args.no_search, regions=not args.no_regions,
+        ),
         len(cases), "refine", "case",
     ))  # fmt: skip
     rows = []

@@ -94,6 +94,15 @@ def add_regions_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_search_option(parser: argparse.ArgumentParser) -> None:
+    """Of whatever refines poses in single images."""
+    parser.add_argument(
+        "--no_search",
+        action="store_true",
+        help="keep the pose from the one given start even if the network does not believe it",
+    )
+
+
 def add_machine_options(group: Any) -> None:
     """Renderer and threads."""
     group.add_argument(
@@ -148,6 +157,7 @@ class Setting:
     regions: bool = True
     single_actions: bool = False
     learning: bool = True
+    search: bool = True
 
     @staticmethod
     def of(args: argparse.Namespace) -> Setting:
@@ -156,8 +166,9 @@ class Setting:
         regions = not getattr(args, "no_regions", False)
         single = getattr(args, "single_actions", False)
         learning = not getattr(args, "no_learning", False)
+        search = not getattr(args, "no_search", False)
         return Setting(
-            weights, args.renderer, args.threads, args.max_steps, regions, single, learning
+            weights, args.renderer, args.threads, args.max_steps, regions, single, learning, search
         )
 
 

@@ -18,6 +18,7 @@ from .common import (
     Setting,
     add_jobs_options,
     add_regions_option,
+    add_search_option,
     add_tracking_options,
     add_verb,
     note,
@@ -76,6 +77,7 @@ def add_parser(verbs: Any) -> None:
     )
     add_jobs_options(parser)
     add_tracking_options(parser)
+    add_search_option(parser)
     add_regions_option(parser)
     parser.set_defaults(run=run)
 
@@ -164,7 +166,6 @@ def refine_image(
     """Refine the poses in one image; all of them carry the seconds of the whole image."""
     from ..estimation import Target
     from ..estimation.frame import prepare_frame
-    from ..estimation.last_word import last_word
 
     estimates = job.estimates
     scene, image = estimates[0].scene, estimates[0].image
@@ -176,10 +177,7 @@ def refine_image(
     results: list[TrackingResult] = []
     for first in range(0, len(targets), job.batch):
         some = targets[first : first + job.batch]
-        found = _refine(some, policy, renderer, job.setting.max_steps)
-        if job.setting.regions:
-            found = [last_word(t, r, renderer)[0] for t, r in zip(some, found, strict=True)]
-        results += found
+        results += _refine(some, policy, renderer, job.setting)
     seconds = time.perf_counter() - start
     refined = []
     for estimate, result in zip(estimates, results, strict=True):
@@ -202,18 +200,19 @@ def _same(refined: Estimate, given: Estimate) -> bool:
 
 
 def _refine(
-    targets: list[Target], policy: Policy, renderer: Renderer, max_steps: int | None
+    targets: list[Target], policy: Policy, renderer: Renderer, setting: Setting
 ) -> list[TrackingResult]:
-    """The loop's results; one start pose out of sight fails alone, not the whole batch."""
-    from ..estimation import StopReason, TrackingResult, refine_batch
+    """The results; one start pose out of sight fails alone, not the whole batch."""
+    from ..estimation import StopReason, TrackingResult, refine_single
 
     try:
-        return refine_batch(targets, policy=policy, renderer=renderer, max_steps=max_steps)
+        return refine_single(
+            targets, policy=policy, renderer=renderer, max_steps=setting.max_steps,
+            search=setting.search, regions=setting.regions,
+        )  # fmt: skip
     except InputError as error:
         if len(targets) == 1:
             return [TrackingResult(None, 0, StopReason.FAILED, 0.0, 0.0, str(error))]
         return [
-            result
-            for target in targets
-            for result in _refine([target], policy, renderer, max_steps)
+            result for target in targets for result in _refine([target], policy, renderer, setting)
         ]

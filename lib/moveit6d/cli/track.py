@@ -6,8 +6,8 @@ Never more than reading, the tracker's update for each frame, and writing.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,8 +27,6 @@ from .common import (
 from .reporting import check_report, reporting, rerun_log
 
 if TYPE_CHECKING:
-    from ..datasets.video import Frame
-    from ..estimation import PoseTracker
     from ..evaluation.rollout import Record
 
 DESCRIPTION = """\
@@ -103,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.files import PoseWriter, read_camera, read_pose
     from ..datasets.video import LiveCamera, Prefetched, open_frames
     from ..estimation import PoseTracker
-    from ..evaluation.rollout import Record, follow
+    from ..evaluation.rollout import Record, follow, learning
     from ..geometry.mesh import Mesh
     from .drawing import draw_step
 
@@ -128,7 +126,7 @@ def run(args: argparse.Namespace) -> int:
         # A camera read ahead would show the past.
         ahead = frames if isinstance(frames, LiveCamera) else Prefetched(frames)
         watched = progress(ahead, frames.length, "track")
-        known = _learning(tracker, watched) if args.exact_start else watched
+        known = learning(tracker, watched) if args.exact_start else watched
         for step in complaining(follow(tracker, known)):
             table.write(step.row)
             record.add(step)
@@ -138,15 +136,6 @@ def run(args: argparse.Namespace) -> int:
             if log is not None:
                 log.write(step.frame, step.row, step.error)
     return _verdict(record, output)
-
-
-def _learning(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Frame]:
-    """The frames, from the first of which the tracker learns; `follow` says if it does not fit."""
-    for number, frame in enumerate(frames):
-        if number == 0 and frame.image is not None:
-            with suppress(InputError):
-                tracker.learn(frame.image)
-        yield frame
 
 
 def _about(args: argparse.Namespace) -> dict[str, str]:

@@ -1,16 +1,16 @@
-"""The loop: one frame (`PoseEstimator`), a video (`PoseTracker`), many targets (`refine_batch`).
+"""One frame (`PoseEstimator`), a video (`PoseTracker`), many single targets (`refine_single`).
 
-`PoseDetector` finds a pose where there is no start.
+`refine_batch` is the loop alone, `PoseDetector` finds a pose where there is no start.
 
 Never knows a network, only policies.
 """
 
 from .detector import Detection, Judge, PoseDetector, SearchConfig
-from .estimator import PoseEstimator
+from .estimator import PoseEstimator, refine_single
 from .loop import StopReason, Target, TrackingResult, refine_batch
 from .tracker import PoseTracker
 
 __all__ = [
     "Detection", "Judge", "PoseDetector", "PoseEstimator", "PoseTracker", "SearchConfig",
-    "StopReason", "Target", "TrackingResult", "refine_batch",
+    "StopReason", "Target", "TrackingResult", "refine_batch", "refine_single",
 ]  # fmt: skip

@@ -1,10 +1,11 @@
-"""One frame: from a pose that is roughly right to one that fits.
+"""Single images: from a pose that is roughly right to one that fits.
 
 Never remembers anything between two calls.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from ..geometry.camera import Camera
@@ -15,6 +16,7 @@ from ..rendering.renderer import Renderer, make_renderer
 from .frame import prepare_frame
 from .last_word import last_word
 from .loop import Target, TrackingResult, refine_batch
+from .search import refine_or_search
 
 
 class PoseEstimator:
@@ -26,6 +28,7 @@ class PoseEstimator:
         policy: who decides; the shipped network if None.
         renderer: the back end; embree if None.
         max_steps: limit of cycles; `MAX_STEPS` of the policy's mode if None.
+        search: where the network does not believe its end, start from places around as well.
         regions: after the policy's moves, fit the outline to where the object's colours end.
     """
 
@@ -37,9 +40,11 @@ class PoseEstimator:
         policy: Policy | None = None,
         renderer: Renderer | None = None,
         max_steps: int | None = None,
+        search: bool = True,
         regions: bool = True,
     ) -> None:
-        self.mesh, self.camera, self.max_steps, self.regions = mesh, camera, max_steps, regions
+        self.mesh, self.camera, self.max_steps = mesh, camera, max_steps
+        self.search, self.regions = search, regions
         self.policy: Policy = load_policy() if policy is None else policy
         self.renderer = make_renderer() if renderer is None else renderer
 
@@ -49,7 +54,22 @@ class PoseEstimator:
         Raises `InputError` if the image does not fit the camera or the pose is out of sight.
         """
         target = Target(prepare_frame(image, self.camera), self.camera, self.mesh, pose)
-        result = refine_batch(
-            [target], policy=self.policy, renderer=self.renderer, max_steps=self.max_steps
-        )[0]
-        return last_word(target, result, self.renderer)[0] if self.regions else result
+        return refine_single(
+            [target], policy=self.policy, renderer=self.renderer, max_steps=self.max_steps,
+            search=self.search, regions=self.regions,
+        )[0]  # fmt: skip
+
+
+def refine_single(
+    targets: Sequence[Target], *, policy: Policy, renderer: Renderer,
+    max_steps: int | None = None, search: bool = True, regions: bool = True,
+) -> list[TrackingResult]:  # fmt: skip
+    """`PoseEstimator.refine` for many targets at once, of any objects and images."""
+    refine = refine_or_search if search else refine_batch
+    results = refine(targets, policy=policy, renderer=renderer, max_steps=max_steps)
+    if not regions:
+        return results
+    return [
+        last_word(target, result, renderer)[0]
+        for target, result in zip(targets, results, strict=True)
+    ]

@@ -20,7 +20,7 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from .protocols import NO_RESET, Protocol, follow_protocol, is_given
-from .rollout import Step
+from .rollout import Step, learning
 from .tracking import Score, Surface, read_track, score
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def run_sequence(
     sequence: Sequence,
     make_tracker: MakeTracker,
     protocol: Protocol = NO_RESET,
-    learning: bool = True,
+    learn: bool = True,
 ) -> Iterator[Step]:
     """Track one sequence from its start pose: one step for each frame after the first.
 
@@ -43,8 +43,11 @@ def run_sequence(
     frame, and does not follow it.
     """
     tracker = make_tracker(sequence.load_mesh(), sequence.camera, sequence.start)
-    frames = _after_first(sequence, tracker, learning)
-    yield from follow_protocol(tracker, frames, sequence.truth, protocol)
+    frames: Iterable[Frame] = (f for f in sequence.open() if f.index >= sequence.first)
+    if learn:
+        frames = learning(tracker, frames)
+    later = (frame for frame in frames if frame.index > sequence.first)
+    yield from follow_protocol(tracker, later, sequence.truth, protocol)
 
 
 def gather(sequence: Sequence, steps: Iterable[Step], path: Path | None) -> dict[int, PoseRow]:
@@ -115,12 +118,3 @@ def score_results(
         if found is not None:
             scores[name] = found
     return scores
-
-
-def _after_first(sequence: Sequence, tracker: PoseTracker, learning: bool) -> Iterator[Frame]:
-    """The frames after the first one; from that the tracker learns if it is to."""
-    for frame in sequence.open():
-        if learning and frame.index == sequence.first and frame.image is not None:
-            tracker.learn(frame.image)
-        if frame.index > sequence.first:
-            yield frame

@@ -15,8 +15,7 @@ from kornia.geometry.transform import warp_perspective
 from torch import Tensor
 
 from ..actions import PoseAction
-from ..estimation import Target, TrackingResult, refine_batch
-from ..estimation.last_word import last_word
+from ..estimation import Target, TrackingResult, refine_single
 from ..geometry.crop import PADDING, View, crop_homography, look_at
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
@@ -79,17 +78,20 @@ def run_cases(
     renderer: Renderer,
     max_steps: int | None = None,
     batch: int = 16,
+    search: bool = False,
     regions: bool = False,
 ) -> Iterator[Outcome]:
-    """Refine the cases in batches, with `regions` polish each, and measure them."""
+    """Refine the cases in batches, as `PoseEstimator` does, and measure them."""
     points: dict[Mesh, Tensor] = {}
     for begin in range(0, len(cases), batch):
         part = cases[begin : begin + batch]
         targets = [case.target for case in part]
-        results = refine_batch(targets, policy=policy, renderer=renderer, max_steps=max_steps)
-        for case, found in zip(part, results, strict=True):
+        results = refine_single(
+            targets, policy=policy, renderer=renderer, max_steps=max_steps,
+            search=search, regions=regions,
+        )  # fmt: skip
+        for case, result in zip(part, results, strict=True):
             mesh = case.target.mesh
-            result = last_word(case.target, found, renderer)[0] if regions else found
             if mesh not in points:
                 points[mesh] = torch.from_numpy(mesh.sample_points(1000))
             before = float(add(case.target.pose, case.truth, points[mesh])) / mesh.diameter

@@ -6,6 +6,7 @@ Never resets the tracker and never shows it a true pose.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from ..datasets.files import PoseRow
 from ..datasets.video import Frame
+from ..errors import InputError
 from ..estimation.hypotheses import DOUBTFUL
 from .metrics import LOST_RUN
 
@@ -35,6 +37,18 @@ class Step:
     def confident(self) -> bool:
         """Whether there is a pose that the tracker itself believes."""
         return self.row.pose is not None and (self.row.confidence or 0.0) >= DOUBTFUL
+
+
+def learning(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Frame]:
+    """The frames, from the first of which the tracker learns: its start pose is exact there.
+
+    A first frame that it cannot learn from is passed on like the others, for `follow` to say why.
+    """
+    for number, frame in enumerate(frames):
+        if number == 0 and frame.image is not None:
+            with suppress(InputError):
+                tracker.learn(frame.image)
+        yield frame
 
 
 def follow(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Step]:
