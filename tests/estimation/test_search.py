@@ -1,7 +1,5 @@
 """Looking around in single images: only in doubt, only where the camera sees, the surest wins."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 import torch
@@ -11,15 +9,14 @@ from hypothesis import strategies as st
 from moveit6d.actions import difference
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseEstimator, Target, refine_batch, refine_single
-from moveit6d.estimation.search import BELIEVED, beside, refine_or_search
+from moveit6d.estimation.search import BELIEVED, Around, beside, refine_or_search, surest
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.networks.decision import Decision
-from moveit6d.observation import Observation
-from moveit6d.policies import MoveMode, Situation
+from moveit6d.policies import MoveMode
 from moveit6d.rendering.renderer import make_renderer
 from tests.support.meshes import colored_box
+from tests.support.near_sighted import NearSighted
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
 GRAY = np.full((240, 320, 3), 90, np.uint8)
@@ -29,26 +26,6 @@ BOX = colored_box()
 
 def at(x: float, z: float = 0.7) -> Pose:
     return Pose(torch.eye(3).double(), torch.tensor([x, 0.0, z], dtype=torch.float64))
-
-
-@dataclasses.dataclass
-class NearSighted:
-    """Stays in doubt where it is, unless the truth is within `reach` counts on every axis."""
-
-    truth: Pose  # centred, unbatched
-    reach: float
-    doubt: float = BELIEVED - 0.3
-    mode: MoveMode = MoveMode.ALL_AXES
-    asked: int = 0
-
-    def decide(self, seen: Observation, situation: Situation) -> Decision:
-        count = len(situation.sphere_diameter)
-        self.asked += count
-        goal = Pose.stack([self.truth] * count)
-        counts = difference(situation.pose, goal, situation.sphere_diameter)
-        near = counts.abs().amax(-1) < self.reach
-        confidence = torch.where(near, 0.95, self.doubt)
-        return Decision(torch.zeros(count, 13), counts * near[:, None], confidence)
 
 
 def estimator(mesh: Mesh, policy: NearSighted, search: bool = True) -> PoseEstimator:
@@ -101,6 +78,18 @@ def test_each_of_many_targets_has_the_result_it_has_alone(brick: Mesh) -> None:
         torch.testing.assert_close(pose.matrix(), alone.matrix())
 
 
+def test_the_surest_of_all_ends_wins_and_pays_for_the_others(brick: Mesh) -> None:
+    truth = brick.inner(at(0.012))
+    policy = NearSighted(truth, 21.0)
+    targets = [Target(GRAY, CAMERA, brick, at(x)) for x in (0.012, -0.035)]
+    results = refine_batch(targets, policy=policy, renderer=RENDERER)
+    sure, found = surest(results, [[], targets], policy=policy, renderer=RENDERER)
+    assert sure is results[0]
+    assert found.pose is not None and found.confidence == results[0].confidence
+    torch.testing.assert_close(found.pose.matrix(), at(0.012).matrix())
+    assert found.milliseconds > results[1].milliseconds
+
+
 def test_the_papers_policy_does_not_search(brick: Mesh) -> None:
     targets = [Target(GRAY, CAMERA, brick, at(0.0))]
     policy = NearSighted(brick.inner(at(0.0)), 0.0, mode=MoveMode.SINGLE)
@@ -126,7 +115,8 @@ def test_at_the_edge_of_the_picture_places_out_of_sight_are_left_out(brick: Mesh
 def test_a_place_beside_is_as_far_as_asked(seed: int, shift: float, turn: float) -> None:
     mesh = BOX
     shifts = (shift, shift / 2, shift / 4)
-    other = beside(mesh, at(0.02), np.random.default_rng(seed), shifts, (turn, 2 * turn))
+    around = Around(1, shifts, (turn, 2 * turn))
+    other = beside(mesh, at(0.02), np.random.default_rng(seed), around)
     diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
     counts = difference(mesh.inner(at(0.02)), mesh.inner(other), diameter).numpy()
     assert (np.abs(counts[:3]) <= np.array(shifts) + 1e-9).all()

@@ -6,13 +6,12 @@ where the object was last seen well.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from ..actions import PoseAction, difference
+from ..actions import difference
 from ..geometry.equivalent import nearest_equivalent
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
@@ -27,11 +26,6 @@ SURE = 0.65
 # Counts on every axis that an object, surely seen, may have moved by for the next frame to look
 # closely at once (`loop.ZOOM`).
 STEADY = 6.0
-# Places looked at beside while the last pose is not believed: how many, how many degrees they are
-# turned, and how many counts at most they lie aside, up or down, nearer or farther.
-SEARCHED = 12
-SEARCH_TURN = (10.0, 30.0)
-SEARCH_SHIFT = (25.0, 25.0, 8.0)
 # Two starts within so many counts on every axis lead to the same place: one of them is enough.
 SAME = 3.0
 # Part of the colours that each frame replaces (SRT3D's learning rates).
@@ -58,7 +52,6 @@ class Track:
     steady: bool = False
     colours: Colours | None = None
     depth_bias: float = 0.0
-    random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     @staticmethod
     def begin(mesh: Mesh, pose: Pose) -> Track:
@@ -74,8 +67,6 @@ class Track:
         for pose in others:
             if all(_apart(self.mesh, pose, other) for other in found):
                 found.append(pose)
-        if not self.believed:
-            found += [self._beside(pose) for pose in (self.trusted, self.pose) * (SEARCHED // 2)]
         return found
 
     def add(self, pose: Pose, confidence: float) -> None:
@@ -111,15 +102,6 @@ class Track:
         here = self.mesh.inner(self.pose)
         ahead = Pose(exp_so3(velocity[0]) @ here.rotation, here.translation + velocity[1])
         return self.mesh.outer(ahead)
-
-    def _beside(self, pose: Pose) -> Pose:
-        """A pose at random not far from another one."""
-        axis = self.random.normal(size=3)
-        turn = axis / np.linalg.norm(axis) * self.random.uniform(*SEARCH_TURN)
-        shift = self.random.uniform(-1, 1, 3) * SEARCH_SHIFT
-        counts = torch.from_numpy(np.concatenate([shift, turn]))
-        diameter = torch.tensor(self.mesh.sphere_diameter, dtype=torch.float64)
-        return self.mesh.outer(PoseAction.of(counts).apply(self.mesh.inner(pose), diameter))
 
 
 def _apart(mesh: Mesh, one: Pose, other: Pose, counts: float = SAME) -> bool:
