@@ -15,7 +15,7 @@ from PIL import Image
 
 from moveit6d.cli.main import main
 from moveit6d.datasets.bop import BopDataset, Estimate, read_results, write_results
-from moveit6d.estimation import loop
+from moveit6d.estimation import estimator
 from moveit6d.evaluation.metrics import add
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -188,14 +188,14 @@ def test_ctrl_c_keeps_the_images_done(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     use_oracle(dataset.mesh(2), scene.pose(0), targets=2)
-    refine, calls = loop.refine_batch, iter(range(9))
+    refine, calls = estimator.refine_single, iter(range(9))
 
     def stop_at_third(*args: Any, **options: Any) -> Any:
         if next(calls) == 2:
             raise KeyboardInterrupt
         return refine(*args, **options)
 
-    monkeypatch.setattr("moveit6d.estimation.refine_batch", stop_at_third)
+    monkeypatch.setattr("moveit6d.estimation.refine_single", stop_at_third)
     assert command(rows) == 130
     assert [row.image for row in read_results(tmp_path / "refined.csv")] == [2, 1, 2, 1]
 

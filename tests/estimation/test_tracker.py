@@ -63,6 +63,13 @@ def test_an_object_in_doubt_is_looked_for_around_in_the_same_frame(brick: Mesh) 
     assert policy.asked < 5, "what is believed is not looked for"
 
 
+def test_without_search_it_costs_no_more_than_the_loop(brick: Mesh) -> None:
+    policy = NearSighted(brick.inner(at(0.047)), 21.0, doubt=0.3)
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, search=False, regions=False)
+    result = tracker.update(GRAY)[0]
+    assert result.confidence == pytest.approx(0.3) and policy.asked == result.steps
+
+
 def test_an_object_that_is_not_found_stays_where_it_was_last(brick: Mesh) -> None:
     policy = NearSighted(brick.inner(at(0.0)), 0.0, doubt=0.3)
     tracker = PoseTracker(brick, CAMERA, at(0.01), policy=policy, regions=False)

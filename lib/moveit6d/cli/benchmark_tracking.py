@@ -16,6 +16,7 @@ from .common import (
     Setting,
     add_jobs_options,
     add_regions_option,
+    add_search_option,
     add_tracking_options,
     add_verb,
     new_folder,
@@ -96,6 +97,7 @@ def add_kind(kinds: Any) -> None:
     files.add_argument("--resume", action="store_true", help="go on with what --output holds")
     add_jobs_options(parser)
     add_tracking_options(parser)
+    add_search_option(parser)
     add_regions_option(parser)
     parser.add_argument(
         "--no_learning",
@@ -303,6 +305,7 @@ class Bench:
             **weights_facts(self.args.weights),
             "renderer": job.setting.renderer,
             "max_steps": job.setting.max_steps,
+            "search": job.setting.search,
             "regions": job.setting.regions,
             "single_actions": job.setting.single_actions,
             "learning": job.setting.learning,

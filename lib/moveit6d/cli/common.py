@@ -95,11 +95,11 @@ def add_regions_option(parser: argparse.ArgumentParser) -> None:
 
 
 def add_search_option(parser: argparse.ArgumentParser) -> None:
-    """Of whatever refines poses in single images."""
+    """Of whatever may look around for an object in doubt."""
     parser.add_argument(
         "--no_search",
         action="store_true",
-        help="keep the pose from the one given start even if the network does not believe it",
+        help="do not look around where the network does not believe the pose it came to",
     )
 
 

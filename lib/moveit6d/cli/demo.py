@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from .common import (
     add_regions_option,
+    add_search_option,
     add_tracking_options,
     add_verb,
     new_folder,
@@ -56,6 +57,7 @@ def add_parser(verbs: Any) -> None:
     )
     parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
     add_tracking_options(parser)
+    add_search_option(parser)
     add_regions_option(parser)
     parser.set_defaults(run=run)
 

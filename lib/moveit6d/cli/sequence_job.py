@@ -71,7 +71,8 @@ def track_job(
     def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker:
         return PoseTracker(
             mesh, camera, start, policy=policy, renderer=renderer,
-            max_steps=job.setting.max_steps, regions=job.setting.regions,
+            max_steps=job.setting.max_steps, search=job.setting.search,
+            regions=job.setting.regions,
         )  # fmt: skip
 
     gathered = Gathered()

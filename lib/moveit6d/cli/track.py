@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 from .common import (
     add_regions_option,
+    add_search_option,
     add_tracking_options,
     add_verb,
     complaining,
@@ -92,6 +93,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
     parser.add_argument("--rerun", type=Path, metavar="FILE", help="write an .rrd for rerun")
     add_tracking_options(parser)
+    add_search_option(parser)
     add_regions_option(parser)
     parser.set_defaults(run=run)
 
@@ -112,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
     policy, renderer = set_up(args)
     tracker = PoseTracker(
         mesh, camera, start, policy=policy, renderer=renderer,
-        max_steps=args.max_steps, regions=not args.no_regions,
+        max_steps=args.max_steps, search=not args.no_search, regions=not args.no_regions,
     )  # fmt: skip
     output = new_folder(args.output)
     record = Record()

@@ -41,6 +41,7 @@ class PoseTracker:
         policy: who decides; the shipped network if None.
         renderer: the back end; embree if None.
         max_steps: limit of cycles a frame; `MAX_STEPS` of the policy's mode if None.
+        search: look around, in the same frame, for an object whose pose is in doubt.
         regions: after the policy's moves, fit the outline to where the object's colours end.
     """
 
@@ -53,10 +54,12 @@ class PoseTracker:
         policy: Policy | None = None,
         renderer: Renderer | None = None,
         max_steps: int | None = None,
+        search: bool = True,
         regions: bool = True,
     ) -> None:
         self.meshes = [meshes] if isinstance(meshes, Mesh) else list(meshes)
-        self.camera, self.max_steps, self.regions = camera, max_steps, regions
+        self.camera, self.max_steps = camera, max_steps
+        self.search, self.regions = search, regions
         self.tracks: list[Track] = []
         self.reset(start)
         self.policy: Policy = load_policy() if policy is None else policy
@@ -131,7 +134,7 @@ class PoseTracker:
     def _refine(self, frame: Frame) -> list[TrackingResult]:
         """Follow every object from the best of its starts, and look around for those in doubt."""
         results = self._follow(frame)
-        if self.policy.mode is MoveMode.SINGLE:
+        if not self.search or self.policy.mode is MoveMode.SINGLE:
             return results
         others = [
             [] if result.confidence >= DOUBTFUL else self._places(frame, track, result)
