@@ -3,8 +3,8 @@
     python examples/track_my_video.py
     python examples/track_my_video.py MESH VIDEO CAMERA_JSON START_JSON
 
-Without arguments a clip is made first. `track_your_video.py` is the same with every failure
-handled; `moveit6d track --help` describes the files.
+Without arguments a clip is made first; `moveit6d track --help` describes the files, and does the
+same with pictures, tables and a report.
 """
 
 from __future__ import annotations
@@ -19,17 +19,26 @@ from moveit6d.datasets.video import open_frames
 
 
 def track(mesh_file: Path, video: Path, camera_file: Path, start_file: Path) -> None:
-    """The ten lines."""
+    """Print where the object is in every frame: the ten lines."""
+    # The object: OBJ, PLY, GLB or STL. State the unit of its numbers: "m" or "mm".
     mesh = Mesh.load(mesh_file, unit="m")
-    camera = read_camera(camera_file)
-    start = read_pose(start_file)
+    # The camera's intrinsics in pixels, and the object's pose in the first frame, roughly.
+    camera, start = read_camera(camera_file), read_pose(start_file)
+    # The shipped network, the embree renderer: both can be replaced by keyword arguments.
     tracker = PoseTracker(mesh, camera, start)
-    for frame in open_frames(video):
-        result = tracker.update(frame.image)[0]
+    for frame in open_frames(video):  # a folder, a file or a camera
+        if frame.image is None:  # damaged; the track goes on with the next one
+            print(f"frame {frame.index}: {frame.error}")
+            continue
+        result = tracker.update(frame.image)[0]  # one result for each object
         if result.pose is None:
-            print(frame.name, result.error)
-        else:
-            print(frame.name, result.pose.translation.tolist(), f"{result.confidence:.2f}")
+            print(f"frame {frame.index}: {result.error}")
+            continue
+        x, y, z = result.pose.translation.tolist()
+        print(
+            f"frame {frame.index}: x {x:+.3f}  y {y:+.3f}  z {z:.3f} m, {result.steps} steps, "
+            f"confidence {result.confidence:.2f}, {result.milliseconds:.0f} ms"
+        )
 
 
 def main(files: list[str], frames: int = 30) -> None:

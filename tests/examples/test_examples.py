@@ -159,7 +159,7 @@ def test_your_video_example_runs(
     tmp_path: Path, brick: Mesh, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    import track_your_video
+    import track_my_video
 
     from moveit6d.datasets.files import read_pose
     from moveit6d.policies import OraclePolicy
@@ -169,7 +169,7 @@ def test_your_video_example_runs(
     oracle = OraclePolicy(Pose.stack([brick.inner(start)]))
     monkeypatch.setattr("moveit6d.estimation.tracker.load_policy", lambda: oracle)
     files = [folder / name for name in ("mesh.glb", "frames", "camera.json", "start.json")]
-    track_your_video.main(*map(str, files))
+    track_my_video.main([str(file) for file in files])
     lines = capsys.readouterr().out.splitlines()
     assert [line.split(":")[0] for line in lines] == ["frame 0", "frame 1"]
     assert "confidence 1.00" in lines[1]
@@ -211,7 +211,7 @@ def test_ten_lines_track_a_made_clip(
     monkeypatch.setattr("moveit6d.estimation.tracker.load_policy", lambda: load_policy(weights))
     track_my_video.main([], frames=2)
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == ["000000.jpg", "000001.jpg"]
+    assert [line.split(":")[0] for line in lines] == ["frame 0", "frame 1"]
 
 
 @pytest.mark.usefixtures("on_path")
