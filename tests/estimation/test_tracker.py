@@ -49,43 +49,45 @@ def test_several_objects_in_one_batch(brick: Mesh) -> None:
         assert difference(brick.inner(result.pose), brick.inner(goal), diameter).abs().max() < 0.5
 
 
-def test_an_object_in_doubt_is_looked_for_around_in_the_same_frame(brick: Mesh) -> None:
+def test_an_object_in_doubt_is_looked_for_around_in_the_next_frame(brick: Mesh) -> None:
     jump = at(0.047)  # 28 counts: farther than this policy sees
     policy = NearSighted(brick.inner(at(0.0)), 21.0, doubt=0.3)
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, regions=False)
     assert tracker.update(GRAY)[0].confidence == pytest.approx(0.95)
     policy.truth = brick.inner(jump)
+    assert tracker.update(GRAY)[0].confidence == pytest.approx(0.3)
     found = tracker.update(GRAY)[0]
     assert found.pose is not None and found.confidence == pytest.approx(0.95)
     torch.testing.assert_close(found.pose.matrix(), jump.matrix())
-    policy.asked = 0
-    tracker.update(GRAY)
-    assert policy.asked < 5, "what is believed is not looked for"
 
 
-def test_without_search_it_costs_no_more_than_the_loop(brick: Mesh) -> None:
+def test_without_search_it_never_costs_more_than_the_loop(brick: Mesh) -> None:
     policy = NearSighted(brick.inner(at(0.047)), 21.0, doubt=0.3)
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, search=False, regions=False)
-    result = tracker.update(GRAY)[0]
-    assert result.confidence == pytest.approx(0.3) and policy.asked == result.steps
+    for _ in range(3):
+        policy.asked = 0
+        result = tracker.update(GRAY)[0]
+        assert result.confidence == pytest.approx(0.3) and policy.asked == result.steps
 
 
 def test_an_object_that_is_not_found_stays_where_it_was_last(brick: Mesh) -> None:
     policy = NearSighted(brick.inner(at(0.0)), 0.0, doubt=0.3)
-    tracker = PoseTracker(brick, CAMERA, at(0.01), policy=policy, regions=False)
-    result = tracker.update(GRAY)[0]
-    assert result.pose is not None and policy.asked > 10
-    torch.testing.assert_close(result.pose.matrix(), at(0.01).matrix())
+    tracker = PoseTracker(brick, CAMERA, at(0.01), policy=policy, search=False, regions=False)
+    for _ in range(2):
+        result = tracker.update(GRAY)[0]
+        assert result.pose is not None
+        torch.testing.assert_close(result.pose.matrix(), at(0.01).matrix())
 
 
 def test_a_track_is_the_same_after_a_reset_to_its_start(brick: Mesh) -> None:
     policy = NearSighted(brick.inner(at(0.047)), 21.0, doubt=0.3)
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, regions=False)
-    first = tracker.update(GRAY)[0]
+    first = [tracker.update(GRAY)[0].pose for _ in range(3)]
     tracker.reset(at(0.0))
-    again = tracker.update(GRAY)[0]
-    assert first.pose is not None and again.pose is not None
-    torch.testing.assert_close(first.pose.matrix(), again.pose.matrix(), rtol=0, atol=0)
+    for before in first:
+        again = tracker.update(GRAY)[0].pose
+        assert before is not None and again is not None
+        torch.testing.assert_close(before.matrix(), again.matrix(), rtol=0, atol=0)
 
 
 BAD = [

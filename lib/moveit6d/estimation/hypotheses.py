@@ -6,8 +6,9 @@ where the object was last seen well.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -17,6 +18,7 @@ from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3, log_so3
 from ..regions import Colours
+from .search import Around, beside
 
 # Confidence under which a pose is not believed.
 DOUBTFUL = 0.5
@@ -26,6 +28,8 @@ SURE = 0.65
 # Counts on every axis that an object, surely seen, may have moved by for the next frame to look
 # closely at once (`loop.ZOOM`).
 STEADY = 6.0
+# Places looked at while the last pose is not believed, around each of it and the last one trusted.
+SEARCHED = Around(6, shift=(25.0, 25.0, 8.0), turn=(10.0, 30.0))
 # Two starts within so many counts on every axis lead to the same place: one of them is enough.
 SAME = 3.0
 # Part of the colours that each frame replaces (SRT3D's learning rates).
@@ -52,14 +56,18 @@ class Track:
     steady: bool = False
     colours: Colours | None = None
     depth_bias: float = 0.0
+    random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     @staticmethod
     def begin(mesh: Mesh, pose: Pose) -> Track:
         """A track that starts at a pose which is taken to be right."""
         return Track(mesh, pose, pose)
 
-    def starts(self) -> list[Pose]:
-        """Poses to start the next frame from, each far from the others; the last pose first."""
+    def starts(self, search: bool = True) -> list[Pose]:
+        """Poses to start the next frame from, each far from the others; the last pose first.
+
+        Without `search` none at random.
+        """
         found = [self.pose]
         others = [] if self.velocity is None else [self._ahead(self.velocity)]
         if not self.believed:
@@ -67,6 +75,11 @@ class Track:
         for pose in others:
             if all(_apart(self.mesh, pose, other) for other in found):
                 found.append(pose)
+        if search and not self.believed:
+            found += [
+                beside(self.mesh, pose, self.random, SEARCHED)
+                for pose in (self.trusted, self.pose) * SEARCHED.count
+            ]
         return found
 
     def add(self, pose: Pose, confidence: float) -> None:

@@ -1,4 +1,4 @@
-"""Where the network does not believe the pose it came to, it starts from places around as well.
+"""Looking around: other starts for an object whose pose the network does not believe.
 
 Never touches a pose that is believed, and never looks farther than starts usually err.
 """

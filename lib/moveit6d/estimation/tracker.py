@@ -10,25 +10,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import torch
 
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..policies import MoveMode, Policy, load_policy
+from ..policies import Policy, load_policy
 from ..regions import colours_at
 from ..rendering.renderer import Renderer, make_renderer
 from .calibration import depth_bias
 from .frame import Frame, prepare_frame
-from .hypotheses import DOUBTFUL, Track
+from .hypotheses import Track
 from .last_word import last_word
 from .loop import StopReason, Target, TrackingResult, check_start, out_of_sight, refine_batch
-from .search import FOUND, Around, places, surest
-
-# Where to look for an object in doubt: around the last pose that was sure, and around the last one.
-LOST = Around(3, (25.0, 25.0, 8.0), (5.0, 30.0))
 
 
 class PoseTracker:
@@ -41,7 +36,7 @@ class PoseTracker:
         policy: who decides; the shipped network if None.
         renderer: the back end; embree if None.
         max_steps: limit of cycles a frame; `MAX_STEPS` of the policy's mode if None.
-        search: look around, in the same frame, for an object whose pose is in doubt.
+        search: look around for an object whose last pose is in doubt.
         regions: after the policy's moves, fit the outline to where the object's colours end.
     """
 
@@ -80,7 +75,6 @@ class PoseTracker:
             raise InputError(f"{len(self.meshes)} meshes but {len(given)} start poses.")
         for mesh, pose in zip(self.meshes, given, strict=True):
             check_start(pose, mesh, self.camera)
-        self.random = np.random.default_rng(0)  # of the places looked at in doubt
         self.tracks = [
             Track.begin(mesh, pose.to(torch.float64))
             for mesh, pose in zip(self.meshes, given, strict=True)
@@ -132,37 +126,10 @@ class PoseTracker:
         return replace(result, pose=track.pose)
 
     def _refine(self, frame: Frame) -> list[TrackingResult]:
-        """Follow every object from the best of its starts, and look around for those in doubt."""
-        results = self._follow(frame)
-        if not self.search or self.policy.mode is MoveMode.SINGLE:
-            return results
-        others = [
-            [] if result.confidence >= DOUBTFUL else self._places(frame, track, result)
-            for track, result in zip(self.tracks, results, strict=True)
-        ]
-        return surest(
-            results, others,
-            policy=self.policy, renderer=self.renderer, max_steps=self.max_steps,
-        )  # fmt: skip
-
-    def _places(self, frame: Frame, track: Track, result: TrackingResult) -> list[Target]:
-        """Where else an object in doubt may be: near its last places, or near what was found."""
-        around = [(track.trusted, LOST), (track.pose, LOST)]
-        if result.pose is not None:
-            around.append((result.pose, FOUND))
-        return [
-            place
-            for pose, where in around
-            for place in places(
-                Target(frame, self.camera, track.mesh, pose, track.depth_bias), where, self.random
-            )
-        ]
-
-    def _follow(self, frame: Frame) -> list[TrackingResult]:
         """Follow every object from the best of its starts."""
         targets, groups = [], []
         for number, track in enumerate(self.tracks):
-            for pose in track.starts():
+            for pose in track.starts(self.search):
                 centre = track.mesh.inner(pose).translation
                 first = number not in groups
                 if first or out_of_sight(centre, track.mesh.sphere_diameter, frame.camera) is None:
