@@ -46,6 +46,12 @@ class Observation:
         return torch.cat(parts, 1)
 
 
+def mirrored(seen: Observation) -> Observation:
+    """The same patches with right and left exchanged, as in a mirror beside the object."""
+    image, rendering = seen.image.flip(3), seen.rendering.flip(3)
+    return Observation(image, rendering, seen.depth.flip(3), seen.mask.flip(3), seen.distance)
+
+
 def observe(patches: Tensor, gbuffer: GBuffer, view: View, sphere_diameter: Tensor) -> Observation:
     """Put together what the policy sees.
 

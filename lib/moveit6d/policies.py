@@ -5,7 +5,7 @@ Never renders and never applies a move.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Protocol
@@ -22,7 +22,7 @@ from .networks.correlation import CorrelationNet
 from .networks.decision import Decision
 from .networks.inference import InferenceNetwork
 from .networks.weights_file import load_network
-from .observation import Observation
+from .observation import Observation, mirrored
 
 SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "multi_object.safetensors"
 
@@ -92,6 +92,30 @@ class NetworkPolicy:
     def decide(self, seen: Observation, situation: Situation) -> Decision:
         """One pass of the network."""
         return self.network(seen)
+
+
+class MirroredPolicy:
+    """Asks another policy about what is seen and about its mirror image too, and takes the mean.
+
+    What it gets wrong is not the same in both. Scores of single actions and the attention are those
+    of what is seen.
+    """
+
+    # Of the six counts where right and left change places: shifts along x and turns about y and z.
+    SIGNS = (-1.0, 1.0, 1.0, 1.0, -1.0, -1.0)
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy, self.mode = policy, policy.mode
+
+    def decide(self, seen: Observation, situation: Situation) -> Decision:
+        """The mean of both decisions."""
+        decision = self.policy.decide(seen, situation)
+        other = self.policy.decide(mirrored(seen), situation)
+        if decision.counts is None or other.counts is None:
+            return decision
+        counts = (decision.counts + other.counts * torch.tensor(self.SIGNS)) / 2
+        confidence = (decision.confidence + other.confidence) / 2
+        return replace(decision, counts=counts, confidence=confidence)
 
 
 class OraclePolicy:

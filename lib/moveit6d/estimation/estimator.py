@@ -6,12 +6,13 @@ Never remembers anything between two calls.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..policies import Policy, load_policy
+from ..policies import MirroredPolicy, MoveMode, Policy, load_policy
 from ..rendering.renderer import Renderer, make_renderer
 from .frame import prepare_frame
 from .last_word import last_word
@@ -64,12 +65,40 @@ def refine_single(
     targets: Sequence[Target], *, policy: Policy, renderer: Renderer,
     max_steps: int | None = None, search: bool = True, regions: bool = True,
 ) -> list[TrackingResult]:  # fmt: skip
-    """`PoseEstimator.refine` for many targets at once, of any objects and images."""
+    """`PoseEstimator.refine` for many targets at once, of any objects and images.
+
+    Where the loop ends, a policy of all axes has one more close look, at the mirror image as well:
+    a video has other frames to average over, a single image has not.
+    """
     refine = refine_or_search if search else refine_batch
     results = refine(targets, policy=policy, renderer=renderer, max_steps=max_steps)
+    if policy.mode is MoveMode.ALL_AXES:
+        results = _look_again(targets, results, policy, renderer)
     if not regions:
         return results
     return [
         last_word(target, result, renderer)[0]
         for target, result in zip(targets, results, strict=True)
     ]
+
+
+def _look_again(
+    targets: Sequence[Target], results: Sequence[TrackingResult], policy: Policy, renderer: Renderer
+) -> list[TrackingResult]:
+    """The results after one more close look each; one that fails then stays as it was."""
+    found = list(results)
+    ends = [
+        (i, replace(target, pose=result.pose, close=True))
+        for i, (target, result) in enumerate(zip(targets, results, strict=True))
+        if result.pose is not None
+    ]
+    again = refine_batch(
+        [end for _, end in ends], policy=MirroredPolicy(policy), renderer=renderer, max_steps=1
+    )
+    for (i, _), look in zip(ends, again, strict=True):
+        if look.pose is not None:
+            found[i] = replace(
+                found[i], pose=look.pose, confidence=look.confidence, steps=found[i].steps + 1,
+                milliseconds=found[i].milliseconds + look.milliseconds,
+            )  # fmt: skip
+    return found
