@@ -57,11 +57,13 @@ one_rendered() { # "CLUSTER COVERED" and further options
 options() {
     local start
     printf '# What single options bring\n\nThe shipped network in the paper'"'"'s mode of single actions; '
-    printf 'without what the first frame teaches; without the last word of the outline as well.\n\n'
+    printf 'without other starts in doubt; without what the first frame teaches; without the last word '
+    printf 'of the outline as well.\n\n'
     for start in "all_small 0" "all_large 0"; do
         one_rendered "$start" --no_regions
         one_rendered "$start" --no_regions --single_actions
     done
+    one_rendered "all_large 1" --no_search
     run benchmark tracking --sequences "$shared/bench/sequences" --no_learning
     run benchmark tracking --sequences "$shared/bench/sequences" --no_learning --no_regions
 }
