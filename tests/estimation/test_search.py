@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from moveit6d.actions import difference
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseEstimator, Target, refine_batch, refine_single
-from moveit6d.estimation.search import BELIEVED, Around, beside, refine_or_search, surest
+from moveit6d.estimation.hypotheses import SURE, Around, beside
+from moveit6d.estimation.search import refine_or_search, surest
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -37,7 +38,7 @@ def estimator(mesh: Mesh, policy: NearSighted, search: bool = True) -> PoseEstim
 def test_another_start_finds_what_the_given_one_does_not(brick: Mesh) -> None:
     truth, far = brick.inner(at(0.012)), at(-0.035)  # 28 counts away: too far for this policy
     alone = estimator(brick, NearSighted(truth, 21.0), search=False).refine(GRAY, far)
-    assert alone.pose is not None and alone.confidence < BELIEVED
+    assert alone.pose is not None and alone.confidence < SURE
     torch.testing.assert_close(alone.pose.matrix(), far.matrix())
     found = estimator(brick, NearSighted(truth, 21.0)).refine(GRAY, far)
     assert found.pose is not None and found.confidence == pytest.approx(0.95)

@@ -7,7 +7,7 @@ import dataclasses
 import torch
 
 from moveit6d.actions import difference
-from moveit6d.estimation.search import BELIEVED
+from moveit6d.estimation.hypotheses import SURE
 from moveit6d.geometry.pose import Pose
 from moveit6d.networks.decision import Decision
 from moveit6d.observation import Observation
@@ -20,7 +20,7 @@ class NearSighted:
 
     truth: Pose  # centred, unbatched
     reach: float
-    doubt: float = BELIEVED - 0.3
+    doubt: float = SURE - 0.3
     mode: MoveMode = MoveMode.ALL_AXES
     asked: int = 0
 

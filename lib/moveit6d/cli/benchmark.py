@@ -12,9 +12,8 @@ from typing import Any
 from ..synthesis.clusters import CLUSTERS
 from . import benchmark_tracking
 from .common import (
+    add_beyond_paper_options,
     add_machine_options,
-    add_regions_option,
-    add_search_option,
     add_tracking_options,
     add_verb,
     positive,
@@ -89,8 +88,7 @@ def add_parser(verbs: Any) -> None:
     three.add_argument("--number", type=positive, default=200, metavar="N", help="cases")
     three.add_argument("--seed", type=int, default=0, metavar="N", help="of the cases")
     add_tracking_options(three)
-    add_search_option(three)
-    add_regions_option(three)
+    add_beyond_paper_options(three)
     three.set_defaults(run=rendered)
     four = add_verb(kinds, "oracle", "prove the loop", ORACLE, ORACLE_EXAMPLES)
     four.add_argument("--starts", type=positive, default=100, metavar="N", help="loops a mode")

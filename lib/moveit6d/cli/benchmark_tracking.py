@@ -14,9 +14,8 @@ from ..errors import InputError
 from .common import (
     DATASET_FORMATS,
     Setting,
+    add_beyond_paper_options,
     add_jobs_options,
-    add_regions_option,
-    add_search_option,
     add_tracking_options,
     add_verb,
     new_folder,
@@ -97,8 +96,7 @@ def add_kind(kinds: Any) -> None:
     files.add_argument("--resume", action="store_true", help="go on with what --output holds")
     add_jobs_options(parser)
     add_tracking_options(parser)
-    add_search_option(parser)
-    add_regions_option(parser)
+    add_beyond_paper_options(parser)
     parser.add_argument(
         "--no_learning",
         action="store_true",

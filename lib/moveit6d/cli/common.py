@@ -85,21 +85,17 @@ def add_tracking_options(parser: argparse.ArgumentParser) -> None:
     add_machine_options(group)
 
 
-def add_regions_option(parser: argparse.ArgumentParser) -> None:
-    """Of whatever may polish the poses of the loop."""
-    parser.add_argument(
-        "--no_regions",
-        action="store_true",
-        help="leave the network's poses as they are: no fit of the outline to the colours",
-    )
-
-
-def add_search_option(parser: argparse.ArgumentParser) -> None:
-    """Of whatever may look around for an object in doubt."""
+def add_beyond_paper_options(parser: argparse.ArgumentParser) -> None:
+    """Of whatever refines poses: what goes past the paper's loop and can be left out."""
     parser.add_argument(
         "--no_search",
         action="store_true",
         help="do not look around where the network does not believe the pose it came to",
+    )
+    parser.add_argument(
+        "--no_regions",
+        action="store_true",
+        help="leave the network's poses as they are: no fit of the outline to the colours",
     )
 
 

@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 from .common import (
     Setting,
+    add_beyond_paper_options,
     add_jobs_options,
-    add_regions_option,
-    add_search_option,
     add_tracking_options,
     add_verb,
     note,
@@ -77,8 +76,7 @@ def add_parser(verbs: Any) -> None:
     )
     add_jobs_options(parser)
     add_tracking_options(parser)
-    add_search_option(parser)
-    add_regions_option(parser)
+    add_beyond_paper_options(parser)
     parser.set_defaults(run=run)
 
 

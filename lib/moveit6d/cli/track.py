@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from .common import (
-    add_regions_option,
-    add_search_option,
+    add_beyond_paper_options,
     add_tracking_options,
     add_verb,
     complaining,
@@ -93,8 +92,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
     parser.add_argument("--rerun", type=Path, metavar="FILE", help="write an .rrd for rerun")
     add_tracking_options(parser)
-    add_search_option(parser)
-    add_regions_option(parser)
+    add_beyond_paper_options(parser)
     parser.set_defaults(run=run)
 
 

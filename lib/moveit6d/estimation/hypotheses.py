@@ -1,4 +1,4 @@
-"""Where an object may be in the next frame: the poses from which a tracker starts.
+"""Where an object may be: the poses from which a tracker starts the next frame, places around them.
 
 Never sees an image. METHOD 9f: a constant-velocity start beside the last pose, and the way back to
 where the object was last seen well.
@@ -12,28 +12,43 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..actions import difference
+from ..actions import PoseAction, difference
 from ..geometry.equivalent import nearest_equivalent
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3, log_so3
 from ..regions import Colours
-from .search import Around, beside
 
 # Confidence under which a pose is not believed.
 DOUBTFUL = 0.5
-# Confidence from which a motion is continued and a pose is gone back to. Between the two an object
-# is half covered or smeared, and what seems to be its motion runs away with the track.
+# Confidence from which a motion is continued, a pose is gone back to, and a single image's is kept.
+# Between the two an object is half covered or smeared, and what seems to be its motion runs away
+# with the track.
 SURE = 0.65
 # Counts on every axis that an object, surely seen, may have moved by for the next frame to look
 # closely at once (`loop.ZOOM`).
 STEADY = 6.0
-# Places looked at while the last pose is not believed, around each of it and the last one trusted.
-SEARCHED = Around(6, shift=(25.0, 25.0, 8.0), turn=(10.0, 30.0))
 # Two starts within so many counts on every axis lead to the same place: one of them is enough.
 SAME = 3.0
 # Part of the colours that each frame replaces (SRT3D's learning rates).
 LEARNING = 0.2
+
+
+@dataclass(frozen=True)
+class Around:
+    """Places at random around a pose: how many, how far away, and whether to look closely at once.
+
+    `shift` are the most counts aside, up or down, nearer or farther; `turn` the degrees from, to.
+    """
+
+    count: int
+    shift: tuple[float, float, float]
+    turn: tuple[float, float]
+    close: bool = False
+
+
+# Places looked at while the last pose is not believed, around each of it and the last one trusted.
+SEARCHED = Around(6, shift=(25.0, 25.0, 8.0), turn=(10.0, 30.0))
 
 
 @dataclass
@@ -124,3 +139,13 @@ def _apart(mesh: Mesh, one: Pose, other: Pose, counts: float = SAME) -> bool:
         return True
     diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
     return bool(difference(a, b, diameter).abs().max() > counts)
+
+
+def beside(mesh: Mesh, pose: Pose, random: np.random.Generator, around: Around) -> Pose:
+    """A pose at random around another one; both in the mesh file's frame."""
+    axis = random.normal(size=3)
+    axis *= random.uniform(*around.turn) / np.linalg.norm(axis)
+    counts = torch.from_numpy(np.concatenate([random.uniform(-1, 1, 3) * around.shift, axis]))
+    diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
+    centred = mesh.inner(pose.to(torch.float64))
+    return mesh.outer(PoseAction.of(counts).apply(centred, diameter))

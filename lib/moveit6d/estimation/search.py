@@ -1,43 +1,25 @@
-"""Looking around: other starts for an object whose pose the network does not believe.
+"""Looking around in single images: other starts where the network does not believe its end.
 
-Never touches a pose that is believed, and never looks farther than starts usually err.
+Never touches a pose that is sure, and never looks farther than starts usually err.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-import torch
 
-from ..actions import PoseAction
-from ..geometry.mesh import Mesh
-from ..geometry.pose import Pose
 from ..policies import MoveMode, Policy
 from ..rendering.renderer import Renderer
+from .hypotheses import SURE, Around, beside
 from .loop import Target, TrackingResult, out_of_sight, refine_batch
 
 BATCH = 32  # starts at once: memory
 
 
-@dataclass(frozen=True)
-class Around:
-    """Places at random around a pose: how many, how far away, and whether to look closely at once.
-
-    `shift` are the most counts aside, up or down, nearer or farther; `turn` the degrees from, to.
-    """
-
-    count: int
-    shift: tuple[float, float, float]
-    turn: tuple[float, float]
-    close: bool = False
-
-
-# Of a single image: confidence from which a pose is believed; where else to start, around the given
-# pose and around the one that was come to; and how often.
-BELIEVED = 0.65
+# Where else to start, around the given pose and around the one that was come to, and how often.
 GIVEN = Around(6, (15.0, 15.0, 8.0), (5.0, 20.0))
 FOUND = Around(4, (3.0, 3.0, 3.0), (2.0, 6.0), close=True)
 ROUNDS = 2
@@ -56,7 +38,7 @@ def refine_or_search(
     random = [np.random.default_rng(0) for _ in targets]
     for _ in range(ROUNDS):
         others = [
-            _others(*one) if one[1].confidence < BELIEVED else []
+            _others(*one) if one[1].confidence < SURE else []
             for one in zip(targets, results, random, strict=True)
         ]
         results = surest(results, others, policy=policy, renderer=renderer, max_steps=max_steps)
@@ -106,13 +88,3 @@ def places(target: Target, around: Around, random: np.random.Generator) -> Itera
         pose = beside(mesh, target.pose, random, around)
         if out_of_sight(mesh.inner(pose).translation, mesh.sphere_diameter, target.camera) is None:
             yield replace(target, pose=pose, close=around.close)
-
-
-def beside(mesh: Mesh, pose: Pose, random: np.random.Generator, around: Around) -> Pose:
-    """A pose at random around another one; both in the mesh file's frame."""
-    axis = random.normal(size=3)
-    axis *= random.uniform(*around.turn) / np.linalg.norm(axis)
-    counts = torch.from_numpy(np.concatenate([random.uniform(-1, 1, 3) * around.shift, axis]))
-    diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
-    centred = mesh.inner(pose.to(torch.float64))
-    return mesh.outer(PoseAction.of(counts).apply(centred, diameter))
