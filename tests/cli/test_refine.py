@@ -16,6 +16,7 @@ from PIL import Image
 from moveit6d.cli.main import main
 from moveit6d.datasets.bop import BopDataset, Estimate, read_results, write_results
 from moveit6d.estimation import estimator
+from moveit6d.estimation.precision import precision
 from moveit6d.evaluation.metrics import add
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -100,7 +101,9 @@ def test_poses_get_better_and_keep_their_order(
             after.image,
             after.object,
         )
-        assert after.score == 1.0 and float(add(after.pose, scene.pose(0), points)) < 0.003
+        assert float(add(after.pose, scene.pose(0), points)) < 0.003
+        likely = precision(scene.pose(0), scene.mesh, scene.camera)  # the oracle is confident
+        assert after.score == pytest.approx(likely, abs=0.01) and 0.5 < likely < 0.9
     seconds = [row.seconds for row in refined]
     assert seconds[0] == seconds[2] > 0 and seconds[1] == seconds[4], "one time an image"
     assert "5 poses in 3 images, 0 kept as given" in capsys.readouterr().out
@@ -172,7 +175,7 @@ def test_a_damaged_image_and_a_pose_out_of_sight_keep_what_was_given(
     for n in (0, 3):
         assert refined[n].score == 0.0
         np.testing.assert_allclose(refined[n].pose.translation, rows[n].pose.translation, atol=1e-9)
-    assert [refined[n].score for n in (1, 2, 4)] == [1.0] * 3
+    assert min(refined[n].score for n in (1, 2, 4)) > 0.5
     said = capsys.readouterr()
     assert "behind the camera" in said.err and "not a readable image" in said.err
     assert "2 kept as given" in said.out

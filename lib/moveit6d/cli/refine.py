@@ -44,9 +44,10 @@ files read:
   --initial  scene_id,im_id,obj_id,score,R,t,time with R row-major, t in millimetres
 
 file written:
-  --output   the same format; score is the confidence in the refined pose, time the seconds
-             spent on the whole image (reading it left out). A pose that cannot be refined
-             (out of sight, damaged image) is written as it was given, with score 0
+  --output   the same format; score is how likely the pose is within a tenth of the diameter
+             (the confidence, times what the object's size in the image allows to know), time
+             the seconds spent on the whole image (reading it left out). A pose that cannot be
+             refined (out of sight, damaged image) is written as it was given, with score 0
 
 With --jobs N images are shared among N processes; with --ray among the machines of a cluster
 (needs moveit6d[ray], and the data set under the same path everywhere). The poses are the same.
@@ -184,7 +185,7 @@ def refine_image(
             refined.append(replace(estimate, score=0.0, seconds=seconds))
         else:
             refined.append(
-                replace(estimate, pose=result.pose, score=result.confidence, seconds=seconds)
+                replace(estimate, pose=result.pose, score=result.score, seconds=seconds)
             )
     return refined
 
