@@ -4,8 +4,7 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from moveit6d.actions import difference
-from moveit6d.estimation.hypotheses import DOUBTFUL, LEARNING, SEARCHED, SURE, Track
+from moveit6d.estimation.hypotheses import DOUBTFUL, LEARNING, SURE, Track
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.regions import Colours
@@ -56,23 +55,6 @@ def test_half_sure_poses_are_gone_on_from_but_neither_continued_nor_gone_back_to
         torch.testing.assert_close(only.matrix(), moving(brick, frame).matrix())
     track.miss()
     torch.testing.assert_close(track.starts()[1].matrix(), moving(brick, 1).matrix())
-
-
-def test_while_in_doubt_places_around_are_looked_at_and_others_the_next_time(brick: Mesh) -> None:
-    track = sure(Track.begin(brick, moving(brick, 0)), moving(brick, 1))
-    assert len(track.starts()) == 2, "the last one and the one ahead"
-    track.add(moving(brick, 8), 0.1)
-    _, _, *beside = track.starts()
-    assert len(beside) == 2 * SEARCHED.count
-    diameter = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
-    for number, pose in enumerate(beside):
-        middle = moving(brick, (1, 8)[number % 2])
-        counts = difference(brick.inner(middle), brick.inner(pose), diameter)
-        assert 9.9 < counts[3:].norm() < 30.1
-        assert counts[:2].abs().max() < 26 and counts[2].abs() < 9
-    assert len(track.starts(search=False)) == 2, "the last one and the trusted one"
-    again = track.starts()[2:]
-    assert not torch.equal(again[0].matrix(), beside[0].matrix())
 
 
 def test_belief_comes_back(brick: Mesh) -> None:

@@ -9,6 +9,7 @@ import torch
 from moveit6d.actions import PoseAction, difference
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseEstimator, PoseTracker, StopReason
+from moveit6d.estimation.hypotheses import DOUBTFUL
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -49,16 +50,32 @@ def test_several_objects_in_one_batch(brick: Mesh) -> None:
         assert difference(brick.inner(result.pose), brick.inner(goal), diameter).abs().max() < 0.5
 
 
-def test_an_object_in_doubt_is_looked_for_around_in_the_next_frame(brick: Mesh) -> None:
-    jump = at(0.047)  # 28 counts: farther than this policy sees
+def test_an_object_in_doubt_is_looked_for_around_where_it_was_sure(brick: Mesh) -> None:
+    jump = at(0.039)  # 23 counts: farther than this policy sees
     policy = NearSighted(brick.inner(at(0.0)), 21.0, doubt=0.3)
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, regions=False)
     assert tracker.update(GRAY)[0].confidence == pytest.approx(0.95)
     policy.truth = brick.inner(jump)
-    assert tracker.update(GRAY)[0].confidence == pytest.approx(0.3)
     found = tracker.update(GRAY)[0]
     assert found.pose is not None and found.confidence == pytest.approx(0.95)
     torch.testing.assert_close(found.pose.matrix(), jump.matrix())
+
+
+def test_what_is_believed_is_not_looked_for_elsewhere(brick: Mesh) -> None:
+    policy = NearSighted(brick.inner(at(0.01)), 0.0, doubt=DOUBTFUL + 0.01)
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, regions=False)
+    assert tracker.update(GRAY)[0].steps == policy.asked
+
+
+def test_each_frame_looks_at_other_places_and_the_papers_policy_at_none(brick: Mesh) -> None:
+    for mode in MoveMode:
+        policy = NearSighted(brick.inner(at(0.0)), 0.0, doubt=0.3, mode=mode)
+        tracker = PoseTracker(brick, CAMERA, at(0.01), policy=policy, regions=False)
+        before = tracker.tracks[0].random.bit_generator.state["state"]
+        result = tracker.update(GRAY)[0]
+        after = tracker.tracks[0].random.bit_generator.state["state"]
+        looked = mode is MoveMode.ALL_AXES
+        assert (policy.asked > result.steps) == looked == (before != after)
 
 
 def test_without_search_it_never_costs_more_than_the_loop(brick: Mesh) -> None:

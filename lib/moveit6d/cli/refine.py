@@ -184,9 +184,7 @@ def refine_image(
             note(f"scene {scene}, image {image}, object {estimate.object}: {result.error}")
             refined.append(replace(estimate, score=0.0, seconds=seconds))
         else:
-            refined.append(
-                replace(estimate, pose=result.pose, score=result.score, seconds=seconds)
-            )
+            refined.append(replace(estimate, pose=result.pose, score=result.score, seconds=seconds))
     return refined
 
 

@@ -47,10 +47,6 @@ class Around:
     close: bool = False
 
 
-# Places looked at while the last pose is not believed, around each of it and the last one trusted.
-SEARCHED = Around(6, shift=(25.0, 25.0, 8.0), turn=(10.0, 30.0))
-
-
 @dataclass
 class Track:
     """What a tracker remembers of one object; poses are the mesh file's, float64.
@@ -78,11 +74,8 @@ class Track:
         """A track that starts at a pose which is taken to be right."""
         return Track(mesh, pose, pose)
 
-    def starts(self, search: bool = True) -> list[Pose]:
-        """Poses to start the next frame from, each far from the others; the last pose first.
-
-        Without `search` none at random.
-        """
+    def starts(self) -> list[Pose]:
+        """Poses to start the next frame from, each far from the others; the last pose first."""
         found = [self.pose]
         others = [] if self.velocity is None else [self._ahead(self.velocity)]
         if not self.believed:
@@ -90,11 +83,6 @@ class Track:
         for pose in others:
             if all(_apart(self.mesh, pose, other) for other in found):
                 found.append(pose)
-        if search and not self.believed:
-            found += [
-                beside(self.mesh, pose, self.random, SEARCHED)
-                for pose in (self.trusted, self.pose) * SEARCHED.count
-            ]
         return found
 
     def add(self, pose: Pose, confidence: float) -> None:

@@ -16,14 +16,19 @@ from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..policies import Policy, load_policy
+from ..policies import MoveMode, Policy, load_policy
 from ..regions import colours_at
 from ..rendering.renderer import Renderer, make_renderer
 from .calibration import depth_bias
 from .frame import Frame, prepare_frame
-from .hypotheses import Track
+from .hypotheses import DOUBTFUL, Around, Track
 from .last_word import last_word
 from .loop import StopReason, Target, TrackingResult, check_start, out_of_sight, refine_batch
+from .search import places, surest
+
+# Places around the last pose that was sure that are looked at while an object is not believed to
+# have been found. Farther ones do not find it more often, and more often find something else.
+LOST = Around(8, shift=(25.0, 25.0, 8.0), turn=(10.0, 30.0))
 
 
 class PoseTracker:
@@ -36,7 +41,7 @@ class PoseTracker:
         policy: who decides; the shipped network if None.
         renderer: the back end; embree if None.
         max_steps: limit of cycles a frame; `MAX_STEPS` of the policy's mode if None.
-        search: look around for an object whose last pose is in doubt.
+        search: look around for an object whose pose is in doubt.
         regions: after the policy's moves, fit the outline to where the object's colours end.
     """
 
@@ -129,19 +134,36 @@ class PoseTracker:
         """Follow every object from the best of its starts."""
         targets, groups = [], []
         for number, track in enumerate(self.tracks):
-            for pose in track.starts(self.search):
+            for pose in track.starts():
                 centre = track.mesh.inner(pose).translation
                 first = number not in groups
                 if first or out_of_sight(centre, track.mesh.sphere_diameter, frame.camera) is None:
                     bias, close = track.depth_bias, track.steady
                     targets.append(Target(frame, self.camera, track.mesh, pose, bias, close))
                     groups.append(number)
-        return refine_batch(
+        results = refine_batch(
             targets,
             policy=self.policy,
             renderer=self.renderer,
             max_steps=self.max_steps,
             groups=groups,
+        )
+        return self._look_around(frame, results) if self.search else results
+
+    def _look_around(self, frame: Frame, results: list[TrackingResult]) -> list[TrackingResult]:
+        """The results; of a doubtful one, the surest end around where the object was seen last.
+
+        A policy of single actions does not search: it is the paper's, as it stands there.
+        """
+        if self.policy.mode is MoveMode.SINGLE:
+            return results
+        others = []
+        for track, result in zip(self.tracks, results, strict=True):
+            seen = Target(frame, self.camera, track.mesh, track.trusted, track.depth_bias)
+            doubtful = result.confidence < DOUBTFUL
+            others.append(list(places(seen, LOST, track.random)) if doubtful else [])
+        return surest(
+            results, others, policy=self.policy, renderer=self.renderer, max_steps=self.max_steps
         )
 
 
