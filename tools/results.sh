@@ -42,6 +42,16 @@ images() {
         run evaluate bop --dataset "$data" --split test \
             --results "$work/initial_$start.csv" "$work/refined_$start.csv"
     done
+    run refine --dataset "$data" --split test --initial "$work/initial_small.csv" --no_regions \
+        --output "$work/small_without_outline.csv"
+    run evaluate bop --dataset "$data" --split test --results "$work/small_without_outline.csv"
+    contrast refined_small
+    contrast small_without_outline
+}
+contrast() { # NAME: whether these poses or the true ones fit the pictures better
+    printf '```sh\n.venv/bin/python tools/outline_contrast.py SHARED/data/real/lmo_dev test OUT/%s.csv\n```\n\n' "$1"
+    .venv/bin/python tools/outline_contrast.py "$shared/data/real/lmo_dev" test "$work/$1.csv"
+    printf '\n'
 }
 rendered() {
     local start

@@ -4,7 +4,15 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from moveit6d.estimation.hypotheses import DOUBTFUL, LEARNING, SURE, Track
+from moveit6d.actions import difference
+from moveit6d.estimation.hypotheses import (
+    DOUBTFUL,
+    LEARNING,
+    MOTION_LEARNING,
+    PERSISTENCE,
+    SURE,
+    Track,
+)  # fmt: skip
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.regions import Colours
@@ -55,6 +63,37 @@ def test_half_sure_poses_are_gone_on_from_but_neither_continued_nor_gone_back_to
         torch.testing.assert_close(only.matrix(), moving(brick, frame).matrix())
     track.miss()
     torch.testing.assert_close(track.starts()[1].matrix(), moving(brick, 1).matrix())
+
+
+def test_an_object_in_doubt_is_likely_on_its_way_and_slows_down(brick: Mesh) -> None:
+    track = sure(Track.begin(brick, moving(brick, 0)), *(moving(brick, k) for k in (1, 2, 3)))
+    diameter = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
+    ways = []
+    for _ in range(60):
+        seen, ahead = track.likely()
+        torch.testing.assert_close(seen.matrix(), moving(brick, 3).matrix())
+        ways.append((brick.inner(ahead).translation - brick.inner(seen).translation).norm())
+        track.add(moving(brick, 9), DOUBTFUL - 0.1)
+    step = brick.inner(moving(brick, 1)).translation - brick.inner(moving(brick, 0)).translation
+    torch.testing.assert_close(ways[0], step.norm())
+    apart = np.diff(torch.stack(ways).numpy())
+    np.testing.assert_allclose(apart[1:] / apart[:-1], PERSISTENCE, rtol=1e-6)
+    first = Track.begin(brick, moving(brick, 3))
+    first = sure(first, moving(brick, 4))
+    counts = difference(brick.inner(first.likely()[1]), brick.inner(moving(brick, 5)), diameter)
+    assert counts.abs().max() < 1e-6, "in the next frame it is where the motion leads"
+
+
+def test_a_motion_is_a_mean_and_forgotten_in_a_gap(brick: Mesh) -> None:
+    here = moving(brick, 0)
+    track = sure(Track.begin(brick, here), here, moving(brick, 1))
+    assert track.motion is not None and track.velocity is not None
+    torch.testing.assert_close(track.motion, MOTION_LEARNING * track.velocity)
+    track.miss()
+    assert track.motion is not None, "it is what says where to look"
+    track.add(here, 1.0)
+    assert track.motion is None and track.unsure == 0
+    assert track.likely() == (here, here)
 
 
 def test_belief_comes_back(brick: Mesh) -> None:

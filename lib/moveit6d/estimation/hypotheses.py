@@ -32,6 +32,10 @@ STEADY = 6.0
 SAME = 3.0
 # Part of the colours that each frame replaces (SRT3D's learning rates).
 LEARNING = 0.2
+# Part of the motion that each sure frame replaces, and part of it that an unseen object is taken to
+# keep from frame to frame.
+MOTION_LEARNING = 0.5
+PERSISTENCE = 0.93
 
 
 @dataclass(frozen=True)
@@ -52,16 +56,19 @@ class Track:
     """What a tracker remembers of one object; poses are the mesh file's, float64.
 
     `pose` is the last one found, `velocity` (2, 3) its last turn (radians) and shift (metres) from
-    frame to frame about the object's centre, `trusted` the last one that was sure; `steady` says
-    that it is the last one and hardly moved; `colours` are the object's and its surroundings' in
-    the frames that were believed, `depth_bias` what the policy is known to be off by when it looks
-    closely (`calibration`).
+    frame to frame about the object's centre, `trusted` the last one that was sure, `motion` (2, 3)
+    the mean velocity up to it and `unsure` the number of frames since; `steady` says that it is the
+    last one and hardly moved; `colours` are the object's and its surroundings' in the frames that
+    were believed, `depth_bias` what the policy is known to be off by when it looks closely
+    (`calibration`).
     """
 
     mesh: Mesh
     pose: Pose
     trusted: Pose
     velocity: Tensor | None = None
+    motion: Tensor | None = None
+    unsure: int = 0
     believed: bool = True
     sure: bool = True
     steady: bool = False
@@ -77,13 +84,23 @@ class Track:
     def starts(self) -> list[Pose]:
         """Poses to start the next frame from, each far from the others; the last pose first."""
         found = [self.pose]
-        others = [] if self.velocity is None else [self._ahead(self.velocity)]
+        others = [] if self.velocity is None else [self._ahead(self.pose, self.velocity)]
         if not self.believed:
             others.append(self.trusted)
         for pose in others:
             if all(_apart(self.mesh, pose, other) for other in found):
                 found.append(pose)
         return found
+
+    def likely(self) -> tuple[Pose, Pose]:
+        """Where an object that is not found may be: where it was sure, and on its way from there.
+
+        It is taken to slow down, so that the way has an end.
+        """
+        if self.motion is None:
+            return self.trusted, self.trusted
+        frames = (1 - PERSISTENCE ** (self.unsure + 1)) / (1 - PERSISTENCE)
+        return self.trusted, self._ahead(self.trusted, frames * self.motion)
 
     def add(self, pose: Pose, confidence: float) -> None:
         """Go on from the pose of the frame that came.
@@ -100,8 +117,10 @@ class Track:
             turn = log_so3(after.rotation @ before.rotation.mT)
             self.velocity = torch.stack([turn, after.translation - before.translation])
         self.pose = pose
+        self.unsure += 1
         if self.sure:
-            self.trusted = pose
+            self.trusted, self.unsure = pose, 0
+            self._learn_motion()
 
     def learn(self, colours: Colours | None) -> None:
         """Remember the colours of a frame, if there are any and its pose was believed."""
@@ -112,11 +131,18 @@ class Track:
     def miss(self) -> None:
         """A frame without a pose: stay where the object was."""
         self.believed, self.sure, self.steady, self.velocity = False, False, False, None
+        self.unsure += 1
 
-    def _ahead(self, velocity: Tensor) -> Pose:
-        """The pose after one more frame of the same motion."""
-        here = self.mesh.inner(self.pose)
-        ahead = Pose(exp_so3(velocity[0]) @ here.rotation, here.translation + velocity[1])
+    def _learn_motion(self) -> None:
+        """The mean of the last velocities; none after a gap, in which it may have changed."""
+        known, self.motion = self.motion, self.velocity
+        if known is not None and self.velocity is not None:
+            self.motion = torch.lerp(known, self.velocity, MOTION_LEARNING)
+
+    def _ahead(self, pose: Pose, motion: Tensor) -> Pose:
+        """A pose after a motion (2, 3), a turn and a shift."""
+        here = self.mesh.inner(pose)
+        ahead = Pose(exp_so3(motion[0]) @ here.rotation, here.translation + motion[1])
         return self.mesh.outer(ahead)
 
 

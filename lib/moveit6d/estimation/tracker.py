@@ -26,9 +26,10 @@ from .last_word import last_word
 from .loop import StopReason, Target, TrackingResult, check_start, out_of_sight, refine_batch
 from .search import places, surest
 
-# Places around the last pose that was sure that are looked at while an object is not believed to
-# have been found. Farther ones do not find it more often, and more often find something else.
-LOST = Around(8, shift=(25.0, 25.0, 8.0), turn=(10.0, 30.0))
+# Places around each of the two where an object is likely to be (`Track.likely`) that are looked at
+# while it is not believed to have been found. Farther ones find it no more often, and more often
+# something else.
+LOST = Around(4, shift=(25.0, 25.0, 8.0), turn=(10.0, 30.0))
 
 
 class PoseTracker:
@@ -151,20 +152,27 @@ class PoseTracker:
         return self._look_around(frame, results) if self.search else results
 
     def _look_around(self, frame: Frame, results: list[TrackingResult]) -> list[TrackingResult]:
-        """The results; of a doubtful one, the surest end around where the object was seen last.
+        """The results; of a doubtful one, the surest end around where the object is likely to be.
 
         A policy of single actions does not search: it is the paper's, as it stands there.
         """
         if self.policy.mode is MoveMode.SINGLE:
             return results
-        others = []
-        for track, result in zip(self.tracks, results, strict=True):
-            seen = Target(frame, self.camera, track.mesh, track.trusted, track.depth_bias)
-            doubtful = result.confidence < DOUBTFUL
-            others.append(list(places(seen, LOST, track.random)) if doubtful else [])
+        others = [
+            self._elsewhere(frame, track) if result.confidence < DOUBTFUL else []
+            for track, result in zip(self.tracks, results, strict=True)
+        ]
         return surest(
             results, others, policy=self.policy, renderer=self.renderer, max_steps=self.max_steps
         )
+
+    def _elsewhere(self, frame: Frame, track: Track) -> list[Target]:
+        """Where else to start for an object in doubt."""
+        found: list[Target] = []
+        for pose in track.likely():
+            likely = Target(frame, self.camera, track.mesh, pose, track.depth_bias)
+            found += places(likely, LOST, track.random)
+        return found
 
 
 def _failed(error: InputError, begin: float) -> TrackingResult:
