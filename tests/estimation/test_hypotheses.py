@@ -70,7 +70,8 @@ def test_an_object_in_doubt_is_likely_on_its_way_and_slows_down(brick: Mesh) -> 
     diameter = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
     ways = []
     for _ in range(60):
-        seen, ahead = track.likely()
+        last, seen, ahead = track.likely()
+        assert last is track.pose
         torch.testing.assert_close(seen.matrix(), moving(brick, 3).matrix())
         ways.append((brick.inner(ahead).translation - brick.inner(seen).translation).norm())
         track.add(moving(brick, 9), DOUBTFUL - 0.1)
@@ -80,7 +81,7 @@ def test_an_object_in_doubt_is_likely_on_its_way_and_slows_down(brick: Mesh) -> 
     np.testing.assert_allclose(apart[1:] / apart[:-1], PERSISTENCE, rtol=1e-6)
     first = Track.begin(brick, moving(brick, 3))
     first = sure(first, moving(brick, 4))
-    counts = difference(brick.inner(first.likely()[1]), brick.inner(moving(brick, 5)), diameter)
+    counts = difference(brick.inner(first.likely()[2]), brick.inner(moving(brick, 5)), diameter)
     assert counts.abs().max() < 1e-6, "in the next frame it is where the motion leads"
 
 
@@ -93,7 +94,7 @@ def test_a_motion_is_a_mean_and_forgotten_in_a_gap(brick: Mesh) -> None:
     assert track.motion is not None, "it is what says where to look"
     track.add(here, 1.0)
     assert track.motion is None and track.unsure == 0
-    assert track.likely() == (here, here)
+    assert track.likely() == (here, here, here)
 
 
 def test_belief_comes_back(brick: Mesh) -> None:

@@ -15,7 +15,9 @@ from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3, log_so3
 from moveit6d.geometry.symmetry import ContinuousSymmetry, Symmetries
-from moveit6d.policies import MoveMode, OraclePolicy
+from moveit6d.networks.decision import Decision
+from moveit6d.observation import Observation
+from moveit6d.policies import MoveMode, OraclePolicy, Situation
 from moveit6d.regions import Colours, polish
 from moveit6d.rendering.renderer import make_renderer
 from tests.support import pictures
@@ -59,6 +61,23 @@ def test_an_object_in_doubt_is_looked_for_around_where_it_was_sure(brick: Mesh) 
     found = tracker.update(GRAY)[0]
     assert found.pose is not None and found.confidence == pytest.approx(0.95)
     torch.testing.assert_close(found.pose.matrix(), jump.matrix())
+
+
+def test_what_is_found_elsewhere_but_not_surely_is_left_there(brick: Mesh) -> None:
+    @dataclasses.dataclass
+    class Wary(NearSighted):
+        """Is never sure, not even where the object is."""
+
+        def decide(self, seen: Observation, situation: Situation) -> Decision:
+            decision = super().decide(seen, situation)
+            return dataclasses.replace(decision, confidence=decision.confidence.clamp(max=0.6))
+
+    policy = Wary(brick.inner(at(0.039)), 21.0, doubt=0.3)
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, regions=False)
+    result = tracker.update(GRAY)[0]
+    assert result.pose is not None and result.confidence == pytest.approx(0.3)
+    torch.testing.assert_close(result.pose.matrix(), at(0.0).matrix())
+    assert policy.asked > result.steps, "it did look"
 
 
 def test_what_is_believed_is_not_looked_for_elsewhere(brick: Mesh) -> None:

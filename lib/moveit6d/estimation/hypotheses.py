@@ -92,15 +92,16 @@ class Track:
                 found.append(pose)
         return found
 
-    def likely(self) -> tuple[Pose, Pose]:
-        """Where an object that is not found may be: where it was sure, and on its way from there.
+    def likely(self) -> tuple[Pose, Pose, Pose]:
+        """Where an object in doubt may be: where it was last, where it was sure, and ahead of that.
 
-        It is taken to slow down, so that the way has an end.
+        On its way from there it is taken to slow down, so that the way has an end.
         """
-        if self.motion is None:
-            return self.trusted, self.trusted
-        frames = (1 - PERSISTENCE ** (self.unsure + 1)) / (1 - PERSISTENCE)
-        return self.trusted, self._ahead(self.trusted, frames * self.motion)
+        ahead = self.trusted
+        if self.motion is not None:
+            frames = (1 - PERSISTENCE ** (self.unsure + 1)) / (1 - PERSISTENCE)
+            ahead = self._ahead(self.trusted, frames * self.motion)
+        return self.pose, self.trusted, ahead
 
     def add(self, pose: Pose, confidence: float) -> None:
         """Go on from the pose of the frame that came.

@@ -21,15 +21,15 @@ from ..regions import colours_at
 from ..rendering.renderer import Renderer, make_renderer
 from .calibration import depth_bias
 from .frame import Frame, prepare_frame
-from .hypotheses import DOUBTFUL, Around, Track
+from .hypotheses import DOUBTFUL, SURE, Around, Track
 from .last_word import last_word
 from .loop import StopReason, Target, TrackingResult, check_start, out_of_sight, refine_batch
 from .search import places, surest
 
-# Places around each of the two where an object is likely to be (`Track.likely`) that are looked at
-# while it is not believed to have been found. Farther ones find it no more often, and more often
+# Places looked at around each of the three where an object is likely to be (`Track.likely`) while
+# it is not believed to have been found. Farther ones find it no more often, and more often
 # something else.
-LOST = Around(4, shift=(25.0, 25.0, 8.0), turn=(10.0, 30.0))
+LOST = Around(3, shift=(25.0, 25.0, 8.0), turn=(10.0, 30.0))
 
 
 class PoseTracker:
@@ -152,9 +152,10 @@ class PoseTracker:
         return self._look_around(frame, results) if self.search else results
 
     def _look_around(self, frame: Frame, results: list[TrackingResult]) -> list[TrackingResult]:
-        """The results; of a doubtful one, the surest end around where the object is likely to be.
+        """The results; instead of a doubtful one a sure end around where the object may be.
 
-        A policy of single actions does not search: it is the paper's, as it stands there.
+        Less than sure is no reason to leave the track: a covered object is in doubt where it is. A
+        policy of single actions does not search: it is the paper's, as it stands there.
         """
         if self.policy.mode is MoveMode.SINGLE:
             return results
@@ -162,9 +163,13 @@ class PoseTracker:
             self._elsewhere(frame, track) if result.confidence < DOUBTFUL else []
             for track, result in zip(self.tracks, results, strict=True)
         ]
-        return surest(
+        found = surest(
             results, others, policy=self.policy, renderer=self.renderer, max_steps=self.max_steps
         )
+        return [
+            new if new.confidence >= SURE else replace(old, milliseconds=new.milliseconds)
+            for old, new in zip(results, found, strict=True)
+        ]
 
     def _elsewhere(self, frame: Frame, track: Track) -> list[Target]:
         """Where else to start for an object in doubt."""
