@@ -63,14 +63,16 @@ def test_an_object_in_doubt_is_looked_for_around_where_it_was_sure(brick: Mesh) 
     torch.testing.assert_close(found.pose.matrix(), jump.matrix())
 
 
-def test_what_is_found_elsewhere_but_not_surely_is_left_there(brick: Mesh) -> None:
+def test_what_is_found_elsewhere_but_in_doubt_is_left_there(brick: Mesh) -> None:
     @dataclasses.dataclass
     class Wary(NearSighted):
-        """Is never sure, not even where the object is."""
+        """Is always in doubt, even where the object is."""
 
         def decide(self, seen: Observation, situation: Situation) -> Decision:
             decision = super().decide(seen, situation)
-            return dataclasses.replace(decision, confidence=decision.confidence.clamp(max=0.6))
+            return dataclasses.replace(
+                decision, confidence=decision.confidence.clamp(max=DOUBTFUL - 0.01)
+            )
 
     policy = Wary(brick.inner(at(0.039)), 21.0, doubt=0.3)
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, regions=False)

@@ -21,7 +21,7 @@ from ..regions import colours_at
 from ..rendering.renderer import Renderer, make_renderer
 from .calibration import depth_bias
 from .frame import Frame, prepare_frame
-from .hypotheses import DOUBTFUL, SURE, Around, Track
+from .hypotheses import DOUBTFUL, Around, Track
 from .last_word import last_word
 from .loop import StopReason, Target, TrackingResult, check_start, out_of_sight, refine_batch
 from .search import places, surest
@@ -152,9 +152,9 @@ class PoseTracker:
         return self._look_around(frame, results) if self.search else results
 
     def _look_around(self, frame: Frame, results: list[TrackingResult]) -> list[TrackingResult]:
-        """The results; instead of a doubtful one a sure end around where the object may be.
+        """The results; instead of a doubtful one the surest end around where the object may be.
 
-        Less than sure is no reason to leave the track: a covered object is in doubt where it is. A
+        An end in doubt is no reason to leave the track: a covered object is in doubt where it is. A
         policy of single actions does not search: it is the paper's, as it stands there.
         """
         if self.policy.mode is MoveMode.SINGLE:
@@ -167,7 +167,7 @@ class PoseTracker:
             results, others, policy=self.policy, renderer=self.renderer, max_steps=self.max_steps
         )
         return [
-            new if new.confidence >= SURE else replace(old, milliseconds=new.milliseconds)
+            new if new.confidence >= DOUBTFUL else replace(old, milliseconds=new.milliseconds)
             for old, new in zip(results, found, strict=True)
         ]
 
