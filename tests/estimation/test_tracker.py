@@ -82,6 +82,21 @@ def test_what_is_found_elsewhere_but_in_doubt_is_left_there(brick: Mesh) -> None
     assert policy.asked > result.steps, "it did look"
 
 
+def test_a_way_that_leads_through_the_camera_ends_no_track(brick: Mesh) -> None:
+    policy = NearSighted(brick.inner(at(0.0, 0.6)), 60.0, doubt=0.3)
+    tracker = PoseTracker(brick, CAMERA, at(0.0, 0.6), policy=policy, regions=False)
+    for z in (0.6, 0.5, 0.4):
+        policy.truth = brick.inner(at(0.0, z))
+        assert tracker.update(GRAY)[0].confidence > DOUBTFUL
+    policy.reach = 0.0
+    for _ in range(9):
+        result = tracker.update(GRAY)[0]
+        assert result.pose is not None and result.confidence == pytest.approx(0.3)
+    assert any(
+        float(brick.inner(pose).translation[2]) < 0 for pose in tracker.tracks[0].likely()
+    ), "or the test says nothing"
+
+
 def test_what_is_believed_is_not_looked_for_elsewhere(brick: Mesh) -> None:
     policy = NearSighted(brick.inner(at(0.01)), 0.0, doubt=DOUBTFUL + 0.01)
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, regions=False)
