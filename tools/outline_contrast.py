@@ -3,8 +3,9 @@
     .venv/bin/python tools/outline_contrast.py DATASET SPLIT RESULTS.csv
 
 The contrast of a pose is how steeply the picture's colours change across its rendered outline, a
-mean over the outline. It says how good true poses are: where one is off by a pixel or two, the
-outline of a better pose has more contrast. Never used to move or to choose a pose.
+mean over the outline, in thousandths of full scale a patch pixel. It says how good true poses are:
+where one is off by a pixel or two, the outline of a better pose has more contrast. Never used to
+move or to choose a pose.
 """
 
 from __future__ import annotations
@@ -30,12 +31,14 @@ BLUR = 1.0  # patch pixels
 POINTS = 400
 
 
-def contrast(pixels: torch.Tensor, camera: Camera, mesh: Mesh, pose: Pose, view: View) -> float:
+def contrast(
+    pixels: torch.Tensor, camera: Camera, mesh: Mesh, pose: Pose, view: View, renderer: Renderer
+) -> float:
     """Mean change of colour a pixel, across the outline of the mesh, in the patch of a view."""
     patch = crop_patch(pixels, view, camera.matrix()).permute(1, 2, 0).numpy()
     patch = cv2.GaussianBlur(patch, (0, 0), BLUR)
     virtual = view.to_virtual(mesh.inner(pose.to(torch.float64)))
-    seen = RENDERER.render([mesh], Pose.stack([virtual]), view.intrinsics[None])
+    seen = renderer.render([mesh], Pose.stack([virtual]), view.intrinsics[None])
     outline = find_outline(seen.mask[0, 0].numpy() > 0.5, POINTS)
     if outline is None:
         return float("nan")
@@ -48,7 +51,7 @@ def contrast(pixels: torch.Tensor, camera: Camera, mesh: Mesh, pose: Pose, view:
 
 def main(root: Path, split: str, results: Path) -> None:
     """Print the table."""
-    dataset = BopDataset(root, split)
+    dataset, renderer = BopDataset(root, split), make_renderer()
     estimates = read_results(results)
     wanted = set(targets_of(estimates, dataset))
     rows: dict[int, list[tuple[bool, float, float]]] = {}
@@ -59,7 +62,9 @@ def main(root: Path, split: str, results: Path) -> None:
         for estimate in (estimates[number] for number in numbers):
             if (scene, image, estimate.object) not in wanted:
                 continue
-            rows.setdefault(estimate.object, []).append(_compare(dataset, estimate, pixels, camera))
+            rows.setdefault(estimate.object, []).append(
+                _compare(dataset, estimate, pixels, camera, renderer)
+            )
     head = ["object", "poses", "ADD(-S)<10%d", "contrast", "of the truth", "more than the truth",
             "more, of those not <10%d"]  # fmt: skip
     every = [row for some in rows.values() for row in some]
@@ -67,8 +72,9 @@ def main(root: Path, split: str, results: Path) -> None:
 
 
 def _compare(
-    dataset: BopDataset, estimate: Estimate, pixels: torch.Tensor, camera: Camera
-) -> tuple[bool, float, float]:
+    dataset: BopDataset, estimate: Estimate, pixels: torch.Tensor, camera: Camera,
+    renderer: Renderer,
+) -> tuple[bool, float, float]:  # fmt: skip
     """Whether an estimate is right, its contrast and the true pose's, in the same patch."""
     mesh = dataset.mesh(estimate.object)
     found = dataset.truth(estimate.scene, estimate.image)
@@ -77,7 +83,7 @@ def _compare(
         dataset, [estimate], [(estimate.scene, estimate.image, estimate.object)]
     ).errors
     view = look_at(mesh.inner(truth.to(torch.float64)), torch.tensor(mesh.sphere_diameter).double())
-    both = [contrast(pixels, camera, mesh, pose, view) for pose in (estimate.pose, truth)]
+    both = [contrast(pixels, camera, mesh, pose, view, renderer) for pose in (estimate.pose, truth)]
     return float(error[0]) < 0.1, both[0], both[1]
 
 
@@ -94,5 +100,4 @@ def _row(name: str, rows: list[tuple[bool, float, float]]) -> list[str]:
 if __name__ == "__main__":
     if len(sys.argv) != 4:
         sys.exit(__doc__)
-    RENDERER: Renderer = make_renderer()
     main(Path(sys.argv[1]), sys.argv[2], Path(sys.argv[3]))
