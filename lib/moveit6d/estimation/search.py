@@ -1,4 +1,4 @@
-"""Looking around in single images: other starts where the network does not believe its end.
+"""Looking around: other starts where the network does not believe its end.
 
 Never touches a pose that is sure, and never looks farther than starts usually err.
 """
