@@ -4,8 +4,9 @@
 
 The contrast of a pose is how steeply the picture's colours change across its rendered outline, a
 mean over the outline, in thousandths of full scale a patch pixel. It says how good true poses are:
-where one is off by a pixel or two, the outline of a better pose has more contrast. Never used to
-move or to choose a pose.
+where one is off by a pixel or two, the outline of a better pose has more contrast. Of an object
+that occurs several times in a picture the first true pose counts. Never used to move or to choose a
+pose.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ import numpy as np
 import torch
 
 from moveit6d.datasets.bop import BopDataset, Estimate, by_image, read_results
+from moveit6d.estimation.frame import Frame, prepare_frame
 from moveit6d.evaluation.bop import score_results, targets_of
 from moveit6d.evaluation.tables import markdown, percent
-from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.crop import View, crop_patch, look_at
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -31,11 +32,9 @@ BLUR = 1.0  # patch pixels
 POINTS = 400
 
 
-def contrast(
-    pixels: torch.Tensor, camera: Camera, mesh: Mesh, pose: Pose, view: View, renderer: Renderer
-) -> float:
+def contrast(frame: Frame, mesh: Mesh, pose: Pose, view: View, renderer: Renderer) -> float:
     """Mean change of colour a pixel, across the outline of the mesh, in the patch of a view."""
-    patch = crop_patch(pixels, view, camera.matrix()).permute(1, 2, 0).numpy()
+    patch = crop_patch(frame.pixels, view, frame.camera.matrix()).permute(1, 2, 0).numpy()
     patch = cv2.GaussianBlur(patch, (0, 0), BLUR)
     virtual = view.to_virtual(mesh.inner(pose.to(torch.float64)))
     seen = renderer.render([mesh], Pose.stack([virtual]), view.intrinsics[None])
@@ -58,12 +57,12 @@ def main(root: Path, split: str, results: Path) -> None:
     for (scene, image), numbers in by_image(estimates):
         picture = dataset.image(scene, image)
         camera = dataset.camera(scene, image, (picture.shape[1], picture.shape[0]))
-        pixels = torch.from_numpy(picture.copy()).permute(2, 0, 1).float() / 255
+        frame = prepare_frame(picture, camera)
         for estimate in (estimates[number] for number in numbers):
             if (scene, image, estimate.object) not in wanted:
                 continue
             rows.setdefault(estimate.object, []).append(
-                _compare(dataset, estimate, pixels, camera, renderer)
+                _compare(dataset, estimate, frame, renderer)
             )
     head = ["object", "poses", "ADD(-S)<10%d", "contrast", "of the truth", "more than the truth",
             "more, of those not <10%d"]  # fmt: skip
@@ -72,9 +71,8 @@ def main(root: Path, split: str, results: Path) -> None:
 
 
 def _compare(
-    dataset: BopDataset, estimate: Estimate, pixels: torch.Tensor, camera: Camera,
-    renderer: Renderer,
-) -> tuple[bool, float, float]:  # fmt: skip
+    dataset: BopDataset, estimate: Estimate, frame: Frame, renderer: Renderer
+) -> tuple[bool, float, float]:
     """Whether an estimate is right, its contrast and the true pose's, in the same patch."""
     mesh = dataset.mesh(estimate.object)
     found = dataset.truth(estimate.scene, estimate.image)
@@ -83,7 +81,7 @@ def _compare(
         dataset, [estimate], [(estimate.scene, estimate.image, estimate.object)]
     ).errors
     view = look_at(mesh.inner(truth.to(torch.float64)), torch.tensor(mesh.sphere_diameter).double())
-    both = [contrast(pixels, camera, mesh, pose, view, renderer) for pose in (estimate.pose, truth)]
+    both = [contrast(frame, mesh, pose, view, renderer) for pose in (estimate.pose, truth)]
     return float(error[0]) < 0.1, both[0], both[1]
 
 

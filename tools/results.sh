@@ -12,12 +12,15 @@ shift
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-run() { # shows a command as a reader would type it, then what it prints
-    local words="$*"
-    words=${words//$shared/SHARED}
-    printf '```sh\nmoveit6d %s\n```\n\n' "${words//$work/OUT}"
+run() { # a verb, shown and run
+    shown moveit6d "$@"
     .venv/bin/moveit6d "$@" | sed "s#$work/##g"
     printf '\n'
+}
+shown() { # a command as a reader would type it
+    local words="$*"
+    words=${words//$shared/SHARED}
+    printf '```sh\n%s\n```\n\n' "${words//$work/OUT}"
 }
 plain() { # the same for output that is no Markdown
     run "$@" | sed '4s/^/```text\n/; $s/$/```/'
@@ -45,12 +48,13 @@ images() {
     run refine --dataset "$data" --split test --initial "$work/initial_small.csv" --no_regions \
         --output "$work/small_without_outline.csv"
     run evaluate bop --dataset "$data" --split test --results "$work/small_without_outline.csv"
-    contrast refined_small
-    contrast small_without_outline
+    for start in refined_small small_without_outline; do
+        contrast "$data" test "$work/$start.csv"
+    done
 }
-contrast() { # NAME: whether these poses or the true ones fit the pictures better
-    printf '```sh\n.venv/bin/python tools/outline_contrast.py SHARED/data/real/lmo_dev test OUT/%s.csv\n```\n\n' "$1"
-    .venv/bin/python tools/outline_contrast.py "$shared/data/real/lmo_dev" test "$work/$1.csv"
+contrast() { # whether these poses or the true ones fit the pictures better
+    shown .venv/bin/python tools/outline_contrast.py "$@"
+    .venv/bin/python tools/outline_contrast.py "$@"
     printf '\n'
 }
 rendered() {

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from moveit6d.actions import PoseAction
+from moveit6d.estimation.frame import Frame
 from moveit6d.geometry.crop import look_at
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -32,14 +33,14 @@ def tool() -> ModuleType:
 def test_a_pose_beside_the_true_one_has_less(
     tool: ModuleType, brick: Mesh, axis: int, sign: int
 ) -> None:
-    pixels = pictures.picture(brick, TRUTH).float() / 255
+    frame = Frame(pictures.picture(brick, TRUTH), pictures.CAMERA)
     diameter = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
     view = look_at(TRUTH, diameter)
     counts = torch.zeros(6, dtype=torch.float64)
     counts[axis] = sign * (2.0 if axis < 3 else 5.0)
     beside = PoseAction.of(counts).apply(TRUTH, diameter)
     there, here = (
-        tool.contrast(pixels, pictures.CAMERA, brick, brick.outer(pose), view, make_renderer())
+        tool.contrast(frame, brick, brick.outer(pose), view, make_renderer())
         for pose in (beside, TRUTH)
     )
     assert there < 0.95 * here
