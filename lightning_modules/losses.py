@@ -20,6 +20,7 @@ from moveit6d.networks.least_squares import (
     move_points,
     precision,
     project_points,
+    slanted,
     surface_points,
 )
 from moveit6d.synthesis.pairs import TrainingBatch
@@ -63,7 +64,7 @@ def cell_truth(batch: TrainingBatch, stride: int) -> CellTruth:
     pixels = cell_pixels(stride).to(seen.depth.device)
     points = surface_points(seen.depth, seen.distance, pixels)
     covered = seen.mask[:, 0, pixels[:, 1], pixels[:, 0]]
-    moved = move_points(points, seen.distance, batch.counts)
+    moved = move_points(points, seen.distance, batch.counts, batch.direction)
     goal = project_points(moved, seen.distance)
     nearest = goal.round().long()
     size = seen.depth.shape[-1]
@@ -156,9 +157,10 @@ def point_error(batch: TrainingBatch, counts: Tensor) -> Tensor:
     pixels = cell_pixels(8).to(seen.depth.device)
     points = surface_points(seen.depth, seen.distance, pixels)
     covered = seen.mask[:, 0, pixels[:, 1], pixels[:, 0]]
-    moved = move_points(points, seen.distance, counts)
-    goal = move_points(points, seen.distance, batch.counts)
-    distance = ((moved - goal).square().sum(-1) + 1e-8).sqrt()
+    moved = move_points(points, seen.distance, counts, batch.direction)
+    goal = move_points(points, seen.distance, batch.counts, batch.direction)
+    apart = slanted(moved - goal, batch.direction)
+    distance = (apart.square().sum(-1) + 1e-8).sqrt()
     return (distance * covered).sum(1) / covered.sum(1).clamp_min(1)
 
 

@@ -15,6 +15,7 @@ from torch import Tensor
 from torch.nn.utils import convert_conv2d_weight_memory_format
 
 from moveit6d.actions import expert_action
+from moveit6d.errors import InputError
 from moveit6d.networks.action_net import ActionNet
 from moveit6d.networks.correlation import CorrelationNet
 from moveit6d.networks.weights_file import load_network, save_network
@@ -58,6 +59,16 @@ class PoseActionModule(pl.LightningModule):
         self.total_steps, self.warmup_steps = total_steps, warmup_steps
         self.weight_decay, self.matching_steps = weight_decay, matching_steps
         self.weights = weights or LossWeights()
+
+    def on_fit_start(self) -> None:
+        """`InputError` if the pairs show other crops than the network says that it is made for."""
+        pairs = getattr(getattr(self.trainer, "datamodule", None), "pairs", None)
+        crop = self.network.config.crop
+        if pairs is not None and pairs.crop != crop:
+            raise InputError(
+                f"The pairs show {pairs.crop} crops, the network is made for {crop} ones: set "
+                "data.pairs.crop and model.network.init_args.config.crop to the same."
+            )
 
     def transfer_batch_to_device(
         self, batch: TrainingBatch, device: torch.device, dataloader_idx: int

@@ -17,7 +17,7 @@ from moveit6d.actions import (
     expert_difference,
 )
 from moveit6d.geometry.camera import project
-from moveit6d.geometry.crop import OBJECT_SIZE, look_at
+from moveit6d.geometry.crop import OBJECT_SIZE, axis_parallel, look_at
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3, random_rotations
 
@@ -50,6 +50,21 @@ def test_one_unit_of_shift_is_one_patch_pixel_right_and_down() -> None:
     torch.testing.assert_close(
         patch_pixel(pose, after([0, 1, 0, 0, 0, 0], pose)), torch.tensor([0.0, 1.0]).double()
     )
+
+
+def test_in_an_axis_parallel_crop_turns_are_about_the_cameras_own_axes() -> None:
+    pose = a_pose()
+    counts = torch.tensor([3.0, -4.0, 2.0, 1.0, 2.0, -3.0], dtype=torch.float64)
+    moved = PoseAction.of(counts).apply(pose, DIAMETER, "axis_parallel")
+    view = axis_parallel(pose, DIAMETER)
+    shift = project(moved.translation, view.intrinsics) - project(pose.translation, view.intrinsics)
+    torch.testing.assert_close(shift, counts[:2])
+    turn = Rotation.from_matrix((moved.rotation @ pose.rotation.mT).numpy())
+    assert np.allclose(turn.as_rotvec(degrees=True), counts[3:].numpy(), atol=1e-9)
+    width = view.intrinsics[0, 0] * DIAMETER / moved.translation[2]
+    assert width.item() == pytest.approx(OBJECT_SIZE + 2)
+    found = difference(pose, moved, DIAMETER, "axis_parallel")
+    torch.testing.assert_close(found, counts)
 
 
 # Convention: "t_z: one unit makes the projected diameter one patch pixel larger (nearer)".

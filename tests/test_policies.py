@@ -7,6 +7,7 @@ import torch
 
 from moveit6d.actions import PoseAction, difference
 from moveit6d.errors import InputError
+from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
 from moveit6d.networks.action_net import ActionNet
@@ -84,6 +85,7 @@ class Lopsided:
     """Sees everything too far to the right in the picture, and the truth by where red is."""
 
     mode = MoveMode.ALL_AXES
+    crop: Crop = "look_at"
 
     def decide(self, seen: Observation, situation: Situation) -> Decision:
         columns = seen.image[:, 0].mean(1)

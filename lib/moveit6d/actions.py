@@ -18,7 +18,7 @@ from enum import IntEnum
 import torch
 from torch import Tensor
 
-from .geometry.crop import OBJECT_SIZE, look_at
+from .geometry.crop import OBJECT_SIZE, Crop, view_of
 from .geometry.pose import Pose
 from .geometry.rotation import exp_so3, log_so3
 
@@ -85,30 +85,31 @@ class PoseAction:
         """Sum of counts; stops if either does."""
         return PoseAction(self.counts + other.counts, self.stop | other.stop)
 
-    def apply(self, pose: Pose, sphere_diameter: Tensor) -> Pose:
+    def apply(self, pose: Pose, sphere_diameter: Tensor, crop: Crop = "look_at") -> Pose:
         """Centred poses (...) after the move. `sphere_diameter` (...) in metres. METHOD 3."""
-        view = look_at(pose, sphere_diameter)
+        view = view_of(pose, sphere_diameter, crop)
         counts = self.counts.to(pose.translation)
         depth = view.distance * OBJECT_SIZE / (OBJECT_SIZE + counts[..., 2])
         # In the virtual frame one patch pixel at this depth is depth / focal metres.
         metres = depth / view.intrinsics[..., 0, 0]
-        virtual = torch.stack([counts[..., 0] * metres, counts[..., 1] * metres, depth], -1)
+        place = (counts[..., :2] - view.axis) * metres[..., None]
+        virtual = torch.cat([place, depth[..., None]], -1)
         turn = view.rotation.mT @ exp_so3(torch.deg2rad(counts[..., 3:])) @ view.rotation
         translation = (view.rotation.mT @ virtual[..., None])[..., 0]
         return Pose(turn @ pose.rotation, translation)
 
 
-def difference(start: Pose, goal: Pose, sphere_diameter: Tensor) -> Tensor:
+def difference(start: Pose, goal: Pose, sphere_diameter: Tensor, crop: Crop = "look_at") -> Tensor:
     """Counts (..., 6) that take `start` to `goal`: the exact inverse of `PoseAction.apply`.
 
     The goal must lie in front of the virtual camera that looks at `start`; turns are the shorter
     way round. Differentiable except at half turns. METHOD 3.
     """
-    view = look_at(start, sphere_diameter)
+    view = view_of(start, sphere_diameter, crop)
     seen = view.to_virtual(goal).translation
     focal = view.intrinsics[..., 0, 0]
-    t_x = focal * seen[..., 0] / seen[..., 2]
-    t_y = focal * seen[..., 1] / seen[..., 2]
+    t_x = focal * seen[..., 0] / seen[..., 2] + view.axis[..., 0]
+    t_y = focal * seen[..., 1] / seen[..., 2] + view.axis[..., 1]
     t_z = OBJECT_SIZE * (view.distance / seen[..., 2] - 1)
     turn = view.rotation @ goal.rotation @ start.rotation.mT @ view.rotation.mT
     return torch.cat([torch.stack([t_x, t_y, t_z], -1), torch.rad2deg(log_so3(turn))], -1)
@@ -127,18 +128,19 @@ def expert_action(counts: Tensor, step: float = 1.0) -> Tensor:
 
 
 def expert_difference(
-    start: Pose, goal: Pose, sphere_diameter: Tensor, symmetries: Tensor | None = None
-) -> Tensor:
+    start: Pose, goal: Pose, sphere_diameter: Tensor, symmetries: Tensor | None = None,
+    crop: Crop = "look_at",
+) -> Tensor:  # fmt: skip
     """Counts (6,) to the nearest of the goal's equivalents; poses unbatched and centred.
 
     `symmetries` (S, 4, 4) map the centred object onto itself; the choice is the shortest vector of
     counts: by the largest count alone, which is often a shift, any turn would be as good. METHOD 4.
     """
     if symmetries is None or len(symmetries) < 2:
-        return difference(start, goal, sphere_diameter)
+        return difference(start, goal, sphere_diameter, crop)
     goals = goal @ Pose.from_matrix(symmetries.to(goal.translation))
     starts = Pose(
         start.rotation.expand_as(goals.rotation), start.translation.expand_as(goals.translation)
     )
-    counts = difference(starts, goals, sphere_diameter.expand(len(goals)))
+    counts = difference(starts, goals, sphere_diameter.expand(len(goals)), crop)
     return counts[counts.norm(dim=-1).argmin()]

@@ -16,6 +16,7 @@ from torch.nn import functional
 
 from .actions import PoseAction, difference, expert_action
 from .errors import InputError
+from .geometry.crop import Crop
 from .geometry.pose import Pose
 from .networks.action_net import ActionNet
 from .networks.correlation import CorrelationNet
@@ -49,9 +50,13 @@ class Situation:
 
 
 class Policy(Protocol):
-    """Decides from observations; `mode` says how its decisions are carried out."""
+    """Decides from observations; `mode` says how its decisions are carried out.
+
+    `crop` is the kind of patches that it wants to see, and in which its counts are measured.
+    """
 
     mode: MoveMode
+    crop: Crop
 
     def decide(self, seen: Observation, situation: Situation) -> Decision:
         """A decision for each observation of the batch."""
@@ -84,6 +89,7 @@ class NetworkPolicy:
     ) -> None:
         self.network = InferenceNetwork(network)
         single = isinstance(network, ActionNet)
+        self.crop: Crop = network.config.crop
         self.mode = mode or (MoveMode.SINGLE if single else MoveMode.ALL_AXES)
         self.source = source  # what the weights are, for reports
         if single and self.mode is not MoveMode.SINGLE:
@@ -105,7 +111,7 @@ class MirroredPolicy:
     SIGNS = (-1.0, 1.0, 1.0, 1.0, -1.0, -1.0)
 
     def __init__(self, policy: Policy) -> None:
-        self.policy, self.mode = policy, policy.mode
+        self.policy, self.mode, self.crop = policy, policy.mode, policy.crop
 
     def decide(self, seen: Observation, situation: Situation) -> Decision:
         """The mean of both decisions."""
@@ -124,13 +130,15 @@ class OraclePolicy:
     `truth` (N) are centred poses of the loop's N targets.
     """
 
-    def __init__(self, truth: Pose, mode: MoveMode = MoveMode.SINGLE) -> None:
-        self.truth, self.mode = truth.to(torch.float64), mode
+    def __init__(
+        self, truth: Pose, mode: MoveMode = MoveMode.SINGLE, crop: Crop = "look_at"
+    ) -> None:
+        self.truth, self.mode, self.crop = truth.to(torch.float64), mode, crop
 
     def decide(self, seen: Observation, situation: Situation) -> Decision:
         """The expert's action, and the exact counts to the truth."""
         goal = self.truth[situation.target]
-        counts = difference(situation.pose, goal, situation.sphere_diameter)
+        counts = difference(situation.pose, goal, situation.sphere_diameter, self.crop)
         logits = functional.one_hot(expert_action(counts), 13).to(torch.float64)
         return Decision(logits, counts, torch.ones(len(counts)))
 

@@ -13,6 +13,7 @@ from moveit6d.cli.main import main
 from moveit6d.datasets.files import read_poses
 from moveit6d.datasets.sequences import read_sequences
 from moveit6d.evaluation.tracking import Score
+from moveit6d.geometry.crop import Crop
 from moveit6d.networks.decision import Decision
 from moveit6d.observation import Observation
 from moveit6d.policies import MoveMode, Situation
@@ -22,6 +23,7 @@ class Stay:
     """Stops at once."""
 
     mode = MoveMode.SINGLE
+    crop: Crop = "look_at"
 
     def decide(self, seen: Observation, situation: Situation) -> Decision:
         count = len(situation.sphere_diameter)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -11,6 +12,7 @@ from moveit6d.errors import InputError, RenderingUnavailable
 from moveit6d.estimation import StopReason, Target, refine_batch
 from moveit6d.estimation.loop import CLOSE, ZOOM
 from moveit6d.geometry.camera import Camera
+from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
@@ -64,6 +66,41 @@ def test_the_oracle_reaches_the_truth(brick: Mesh, name: str, mode: MoveMode) ->
     for i, result in enumerate(results):
         assert result.stopped_by is StopReason.STOP_ACTION
         assert counts_left(brick, result.pose, truth[i]) < 0.5 + 1e-9
+
+
+@pytest.mark.parametrize("mode", list(MoveMode))
+def test_a_policy_of_axis_parallel_crops_reaches_the_truth_as_well(
+    brick: Mesh, mode: MoveMode
+) -> None:
+    targets, truth = some_targets(brick, 3)
+    policy = OraclePolicy(truth, mode, "axis_parallel")
+    results = refine_batch(targets, policy=policy, renderer=make_renderer(), max_steps=200)
+    for i, result in enumerate(results):
+        assert result.stopped_by is StopReason.STOP_ACTION
+        assert counts_left(brick, result.pose, truth[i]) < 0.6  # counted in the other crop
+
+
+def test_what_a_policy_of_axis_parallel_crops_sees_lies_on_what_is_rendered(brick: Mesh) -> None:
+    """Beside the image's middle, too: the object's silhouette in the picture and the rendering."""
+    _, truth = some_targets(brick, 1)
+    direction = torch.tensor([-0.35, 0.25, 1.0], dtype=torch.float64)
+    pose = Pose(truth[0].rotation, direction * 4 * brick.sphere_diameter)
+    corners = torch.from_numpy(brick.vertices).double()
+    pixels = CAMERA.project(pose.transform(corners)).numpy().round().astype(np.int32, "C")
+    image = np.zeros((480, 640, 3), np.uint8)
+    cv2.fillConvexPoly(image, cv2.convexHull(pixels), (255, 255, 255))
+    shown = []
+
+    class Witness(OraclePolicy):
+        def decide(self, seen: Observation, situation: Situation) -> Decision:
+            shown.append(((seen.image[0, 0] > 0.5), seen.mask[0, 0] > 0.5))
+            return super().decide(seen, situation)
+
+    policy = Witness(pose[None], MoveMode.ALL_AXES, "axis_parallel")
+    target = Target(image, CAMERA, brick, brick.outer(pose))
+    refine_batch([target], policy=policy, renderer=make_renderer(), max_steps=1)
+    photographed, rendered = shown[0]
+    assert (photographed & rendered).sum() > 0.95 * (photographed | rendered).sum()
 
 
 def test_all_axes_need_a_move_a_look_and_a_close_look(brick: Mesh) -> None:
@@ -141,6 +178,7 @@ class Scripted:
     """Plays given actions with given confidences."""
 
     mode = MoveMode.SINGLE
+    crop: Crop = "look_at"
 
     def __init__(self, actions: list[int], confidences: list[float]) -> None:
         self.script = list(zip(actions, confidences, strict=True))
@@ -177,6 +215,7 @@ class RunsAway(Scripted):
     """Moves the object into the camera."""
 
     mode = MoveMode.ALL_AXES
+    crop: Crop = "look_at"
 
     def __init__(self) -> None:
         super().__init__([], [])

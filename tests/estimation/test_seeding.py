@@ -5,6 +5,7 @@ import pytest
 import torch
 from scipy.ndimage import gaussian_filter
 
+from moveit6d.errors import InputError
 from moveit6d.estimation.frame import prepare_frame
 from moveit6d.estimation.seeding import (
     SeedField,
@@ -48,6 +49,14 @@ def test_seeds_stand_at_their_pixels_and_look_alike() -> None:
     seen = view.to_virtual(poses)
     torch.testing.assert_close(seen.rotation, turn.expand(3, 3, 3))
     torch.testing.assert_close(view.distance, torch.full((3,), 300 * 0.2 / 60).double())
+
+
+def test_a_policy_of_axis_parallel_crops_is_refused(brick: Mesh) -> None:
+    truth = Pose(torch.eye(3)[None].double(), torch.tensor([[0.0, 0.0, 1.0]]).double())
+    policy = OraclePolicy(truth, MoveMode.ALL_AXES, "axis_parallel")
+    frame = prepare_frame(GRAY, CAMERA)
+    with pytest.raises(InputError, match="look-at"):
+        seed_field(frame, brick, torch.eye(3)[None].double(), 60.0, policy, make_renderer())
 
 
 def test_the_grid_covers_the_image_evenly() -> None:

@@ -9,17 +9,21 @@ from moveit6d.geometry.camera import Camera, project
 from moveit6d.geometry.crop import (
     OBJECT_SIZE,
     PATCH_SIZE,
+    Crop,
     View,
+    axis_parallel,
     crop_homography,
     crop_patch,
     crop_patches,
     look_at,
     patch_to_image,
+    view_of,
 )
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
 
 CAMERA = Camera(600, 590, 315, 245, 640, 480)
+CROPS: tuple[Crop, ...] = ("look_at", "axis_parallel")
 DIAMETER = torch.tensor(0.2, dtype=torch.float64)
 
 
@@ -37,6 +41,38 @@ def test_the_object_stands_straight_ahead() -> None:
     assert seen.translation[:, :2].abs().max() < 1e-12
     assert torch.allclose(seen.translation[:, 2], pose.translation.norm(dim=-1))
     assert torch.allclose(view.to_real(seen).matrix(), pose.matrix(), atol=1e-12)
+
+
+def test_axis_parallel_views_are_cut_out_with_the_object_in_the_middle() -> None:
+    """No turn; the centre projects to the patch's middle, a radius beside it half its width."""
+    pose = some_poses(100)
+    view = axis_parallel(pose, DIAMETER.expand(100))
+    assert torch.equal(view.to_virtual(pose).translation, pose.translation)
+    middle = project(pose.translation[:, None], view.intrinsics)[:, 0]
+    assert torch.allclose(middle, torch.full((100, 2), (PATCH_SIZE - 1) / 2).double())
+    beside = pose.translation + torch.tensor([0.0, 1.0, 0.0]).double() * DIAMETER / 2
+    edge = project(beside[:, None], view.intrinsics)[:, 0]
+    assert torch.allclose(edge - middle, torch.tensor([0.0, OBJECT_SIZE / 2]).double())
+    homography = crop_homography(view, CAMERA.matrix().double())
+    # With square pixels it is a square: nothing but one scale and a shift.
+    assert torch.allclose(homography[:, 2], torch.tensor([0.0, 0.0, 1.0]).double())
+    assert homography[:, [0, 1], [1, 0]].abs().max() < 1e-12
+
+
+def test_both_kinds_of_crop_are_the_same_in_the_middle_of_the_image() -> None:
+    ahead = Pose(torch.eye(3).double(), torch.tensor([0.0, 0.0, 0.7]).double())
+    one, other = (view_of(ahead, DIAMETER, crop) for crop in CROPS)
+    assert torch.equal(one.rotation, other.rotation)
+    torch.testing.assert_close(one.intrinsics, other.intrinsics)
+    assert one.distance == other.distance and (one.axis == 0).all()
+
+
+@pytest.mark.parametrize("crop", CROPS)
+def test_patches_go_back_to_the_image(crop: Crop) -> None:
+    view = view_of(some_poses(20), DIAMETER.expand(20), crop)
+    matrix = CAMERA.matrix().double()
+    both = crop_homography(view, matrix) @ patch_to_image(view, matrix)
+    torch.testing.assert_close(both / both[:, 2:, 2:], torch.eye(3).double().expand(20, 3, 3))
 
 
 def test_the_turn_has_no_roll() -> None:

@@ -6,7 +6,12 @@ import torch
 
 from moveit6d.actions import PoseAction
 from moveit6d.geometry.camera import project
-from moveit6d.geometry.crop import OBJECT_SIZE, PATCH_SIZE, look_at
+from moveit6d.geometry.crop import (
+    OBJECT_SIZE,
+    PATCH_SIZE,
+    axis_parallel,
+    look_at,
+)
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
 from moveit6d.networks.least_squares import (
@@ -53,6 +58,25 @@ def test_moves_are_those_of_pose_action() -> None:
     torch.testing.assert_close(
         project(found, view.intrinsics), project_points(found / diameter[:, None, None], DISTANCE)
     )
+
+
+def test_moves_in_axis_parallel_views_are_those_of_pose_action_too() -> None:
+    """Away from the axis points count as if their centre stood straight ahead: sheared."""
+    counts = torch.randn(3, 6, dtype=torch.float64) * 10
+    diameter = torch.tensor([0.1, 0.2, 0.3], dtype=torch.float64)
+    direction = torch.tensor([[0.4, -0.3], [0.0, 0.2], [-0.5, 0.1]], dtype=torch.float64)
+    place = torch.cat([direction, torch.ones(3, 1).double()], 1) * (DISTANCE * diameter)[:, None]
+    start = Pose(random_rotations(3), place)
+    moved = PoseAction.of(counts).apply(start, diameter, "axis_parallel")
+    shear = torch.eye(3).double().repeat(3, 1, 1)
+    shear[:, :2, 2] = -direction
+    points = some_points()
+    real = (points * diameter[:, None, None]) @ torch.linalg.inv(shear).mT
+    expected = (moved @ start.inverse()).transform(real)
+    found = move_points(points, DISTANCE, counts, direction)
+    torch.testing.assert_close(found * diameter[:, None, None], expected @ shear.mT)
+    view = axis_parallel(start, diameter)
+    torch.testing.assert_close(project(expected, view.intrinsics), project_points(found, DISTANCE))
 
 
 def test_jacobian_agrees_with_automatic_differentiation() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.networks.least_squares import cell_pixels, move_points, project_points, surface_points
 from moveit6d.synthesis.backgrounds import procedural_photo
@@ -46,16 +47,19 @@ def test_the_same_seed_gives_the_same_pairs_and_another_one_others(
     assert not torch.equal(a_batch(generator_parts, 1).counts, first.counts)
 
 
+@pytest.mark.parametrize("crop", ["look_at", "axis_parallel"])
 def test_the_counts_take_the_rendering_to_the_observed_object(
-    generator_parts: tuple[list[Mesh], list[np.ndarray]],
+    generator_parts: tuple[list[Mesh], list[np.ndarray]], crop: Crop
 ) -> None:
     """Surface points, moved by the counts, land on the true pose's surface where it shows."""
-    batch = PairGenerator(*generator_parts, PairConfig(), 3).batch(8, "all_small")
+    batch = PairGenerator(*generator_parts, PairConfig(crop=crop), 3).batch(8, "all_small")
+    assert bool(batch.direction.abs().max() > 0.2) == (crop == "axis_parallel")
     seen = batch.observation
     pixels = cell_pixels(4)
     moved = move_points(
-        surface_points(seen.depth, seen.distance, pixels), seen.distance, batch.counts
-    )
+        surface_points(seen.depth, seen.distance, pixels), seen.distance, batch.counts,
+        batch.direction,
+    )  # fmt: skip
     on_object = seen.mask[:, 0, pixels[:, 1], pixels[:, 0]] > 0
     goal = project_points(moved, seen.distance).round().long().clamp(0, 127)
     sample = torch.arange(8)[:, None]
@@ -76,11 +80,12 @@ def test_soft_edges_are_a_small_blur_outside_and_of_the_mask() -> None:
     assert torch.allclose(soft_edge(layer), wanted, atol=1e-6)
 
 
+@pytest.mark.parametrize("crop", ["look_at", "axis_parallel"])
 def test_a_true_move_lands_exactly(
-    generator_parts: tuple[list[Mesh], list[np.ndarray]],
+    generator_parts: tuple[list[Mesh], list[np.ndarray]], crop: Crop
 ) -> None:
     """After the counts themselves nothing is left, and the rendering is the true pose's."""
-    generator = PairGenerator(*generator_parts, PairConfig(), 4)
+    generator = PairGenerator(*generator_parts, PairConfig(crop=crop), 4)
     batch = generator.batch(8, "all_large")
     there = generator.advance(batch, batch.counts)
     assert there.counts.abs().max() < 1e-3

@@ -128,8 +128,10 @@ def cycle(args: argparse.Namespace) -> int:
 def rendered(args: argparse.Namespace) -> int:
     """Refine rendered objects."""
     import numpy as np
+    import torch
 
     from ..errors import InputError
+    from ..evaluation.metrics import ADD_LIMIT, auroc
     from ..evaluation.rendered import make_cases, run_cases
     from ..evaluation.tables import plain
     from ..geometry.mesh import Mesh
@@ -163,6 +165,9 @@ def rendered(args: argparse.Namespace) -> int:
     print(plain(["", "ADD<2%", "ADD<5%", "ADD<10%", "median % d"], rows))
     steps = [case.result.steps for case in found]
     print(f"\nsteps: mean {np.mean(steps):.2f}, median {np.median(steps):g}")
+    belief = torch.tensor([case.result.confidence for case in found])
+    right = torch.tensor([case.after < ADD_LIMIT for case in found])
+    print(f"confidence: AUROC {auroc(belief, right):.3f} for ADD < 10 % d")
     return 0
 
 

@@ -17,7 +17,7 @@ from torch import Tensor
 from ..actions import PoseAction, difference
 from ..errors import InputError
 from ..geometry.camera import Camera
-from ..geometry.crop import View, crop_patch, look_at
+from ..geometry.crop import Crop, View, crop_patch, view_of
 from ..geometry.mesh import Mesh, sphere_diameters
 from ..geometry.pose import Pose
 from ..networks.decision import Decision
@@ -122,11 +122,11 @@ def refine_batch(
             break
         closely = zoom[active] > 1
         diameter, current = scene.diameter[active] / zoom[active], pose[active]
-        seen = scene.observe(active, current, diameter, renderer)
+        seen = scene.observe(active, current, diameter, renderer, policy.crop)
         decision = policy.decide(seen, Situation(current, diameter, objects[active]))
         decision = _corrected(decision, scene.depth_bias[active] * closely)
         action = choose_move(decision, policy.mode, step)
-        moved = action.apply(current, diameter)
+        moved = action.apply(current, diameter, policy.crop)
         going = []
         for row, i in enumerate(active.tolist()):
             end = trails[i].add(moved[row], diameter[row], action, decision.confidence, row)
@@ -216,14 +216,14 @@ class _Scene:
         )
 
     def observe(
-        self, active: Tensor, pose: Pose, diameter: Tensor, renderer: Renderer
+        self, active: Tensor, pose: Pose, diameter: Tensor, renderer: Renderer, crop: Crop
     ) -> Observation:
         """Crop and render for the active targets at their current poses.
 
         `diameter` are those of the spheres, metres, that fill the patches.
         """
         chosen = active.tolist()
-        view = look_at(pose, diameter)
+        view = view_of(pose, diameter, crop)
         patches = [
             crop_patch(
                 self.images[i],

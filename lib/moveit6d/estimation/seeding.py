@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.crop import View, crop_patch, look_at, patch_to_image
 from ..geometry.mesh import Mesh
@@ -77,8 +78,14 @@ def seed_field(
     Every seed shows the object in the same rotation, as seen along its own ray, and `size` pixels
     wide, so that one rendering serves all. With several `rotations` (R, 3, 3) the vectors of each
     seed are averaged: what does not depend on the seeded pose stays. Policies that only choose
-    single actions give the vector by the odds of their t_x and t_y.
+    single actions give the vector by the odds of their t_x and t_y. Raises `InputError` for a
+    policy of axis-parallel crops, in which one rendering does not look the same everywhere.
     """
+    if policy.crop != "look_at":
+        raise InputError(
+            f"Detection needs a policy that sees look-at crops; this one's are {policy.crop!r}: "
+            "give other weights or start poses."
+        )
     centres = seed_grid(frame.camera, size)
     found = [_moves(frame, mesh, turn, size, centres, policy, renderer) for turn in rotations]
     vectors = torch.stack([moves for moves, _ in found]).mean(0).reshape(centres.shape)

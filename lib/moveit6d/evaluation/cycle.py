@@ -16,7 +16,7 @@ import torch
 
 from ..estimation import Target, refine_batch
 from ..estimation.frame import prepare_frame
-from ..geometry.crop import View, crop_patch, look_at
+from ..geometry.crop import View, crop_patch, view_of
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3
@@ -75,7 +75,7 @@ def _parts(
     """Milliseconds of the parts of one cycle, in the order of `PARTS`."""
     diameter = torch.tensor([mesh.sphere_diameter], dtype=torch.float64)
     moments = [time.perf_counter()]
-    view = look_at(pose, diameter)
+    view = view_of(pose, diameter, policy.crop)
     alone = View(view.rotation[0], view.intrinsics[0], view.distance[0])
     patch = crop_patch(pixels, alone, CAMERA.matrix())
     moments.append(time.perf_counter())
@@ -85,6 +85,6 @@ def _parts(
     moments.append(time.perf_counter())
     decision = policy.decide(seen, Situation(pose, diameter, torch.arange(1)))
     moments.append(time.perf_counter())
-    choose_move(decision, policy.mode).apply(pose, diameter)
+    choose_move(decision, policy.mode).apply(pose, diameter, policy.crop)
     moments.append(time.perf_counter())
     return [1e3 * (end - start) for start, end in itertools.pairwise(moments)]

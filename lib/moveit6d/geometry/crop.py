@@ -3,12 +3,17 @@
 Never renders and never knows a network. The virtual camera has the real camera's centre, its
 optical axis goes through the object's centre, and its focal length makes the object's bounding
 sphere `PATCH_SIZE / PADDING` pixels wide; in its frame every object stands at (0, 0, ‖t‖).
+
+The axis-parallel crop, which others use, is a square cut out of the image: its camera is not turned
+and the square's middle is the object's. An object away from the image's middle then looks turned
+and slanted. It is here to be compared with (METHOD 9, docs/training.md).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import torch
 from kornia.geometry.transform import remap
@@ -21,18 +26,26 @@ PADDING = 1.4
 # Width of the bounding sphere in the patch, pixels: b in the units of the actions.
 OBJECT_SIZE = PATCH_SIZE / PADDING
 
+Crop = Literal["look_at", "axis_parallel"]
+
 
 @dataclass(frozen=True)
 class View:
-    """Virtual cameras that look at objects, one a pose.
+    """Virtual cameras that show objects in the middle of their pictures, one a pose.
 
     `rotation` (..., 3, 3) turns real-camera coordinates into the virtual camera's; `intrinsics`
-    (..., 3, 3) are the patch's; `distance` (...) is ‖t‖ in metres.
+    (..., 3, 3) are the patch's; `distance` (...) is the depth of the object's centre in metres:
+    ‖t‖ in a look-at view.
     """
 
     rotation: Tensor
     intrinsics: Tensor
     distance: Tensor
+
+    @property
+    def axis(self) -> Tensor:
+        """Where the optical axis meets the patch, pixels (..., 2) from its middle: 0 if look-at."""
+        return self.intrinsics[..., :2, 2] - (PATCH_SIZE - 1) / 2
 
     def to_virtual(self, pose: Pose) -> Pose:
         """A pose of the real camera in the virtual camera's frame."""
@@ -65,6 +78,25 @@ def look_at(pose: Pose, sphere_diameter: Tensor) -> View:
     return View(rotation, intrinsics, distance)
 
 
+def axis_parallel(pose: Pose, sphere_diameter: Tensor) -> View:
+    """As `look_at`, but with cameras that are not turned: the object is beside their axes."""
+    x, y, z = pose.translation.unbind(-1)
+    focal = OBJECT_SIZE * z / sphere_diameter
+    zero, one = torch.zeros_like(focal), torch.ones_like(focal)
+    middle = (PATCH_SIZE - 1) / 2
+    entries = [focal, zero, middle - focal * x / z, zero, focal, middle - focal * y / z,
+               zero, zero, one]  # fmt: skip
+    intrinsics = torch.stack(entries, -1).reshape(*focal.shape, 3, 3)
+    rotation = torch.eye(3).to(intrinsics).expand_as(intrinsics)
+    return View(rotation, intrinsics, z)
+
+
+def view_of(pose: Pose, sphere_diameter: Tensor, crop: Crop = "look_at") -> View:
+    """The views (...) of a kind of crop for centred poses (...) of objects of these diameters."""
+    views = {"look_at": look_at, "axis_parallel": axis_parallel}
+    return views[crop](pose, sphere_diameter)
+
+
 def crop_homography(view: View, intrinsics: Tensor) -> Tensor:
     """Pixels of the image → pixels of the patch, H = K_v R_v K⁻¹: (..., 3, 3). METHOD 2."""
     homography: Tensor = view.intrinsics @ view.rotation @ torch.linalg.inv(intrinsics)
@@ -73,9 +105,10 @@ def crop_homography(view: View, intrinsics: Tensor) -> Tensor:
 
 def patch_to_image(view: View, intrinsics: Tensor) -> Tensor:
     """Pixels of the patch → pixels of the image, the inverse of `crop_homography`: (..., 3, 3)."""
-    focal, centre = view.intrinsics[..., 0, 0], view.intrinsics[..., 0, 2]
+    focal = view.intrinsics[..., 0, 0]
+    x, y = view.intrinsics[..., 0, 2], view.intrinsics[..., 1, 2]
     zero, one = torch.zeros_like(focal), torch.ones_like(focal)
-    entries = [1 / focal, zero, -centre / focal, zero, 1 / focal, -centre / focal, zero, zero, one]
+    entries = [1 / focal, zero, -x / focal, zero, 1 / focal, -y / focal, zero, zero, one]
     inverse = torch.stack(entries, -1).reshape(*focal.shape, 3, 3)
     back: Tensor = intrinsics @ view.rotation.mT @ inverse
     return back

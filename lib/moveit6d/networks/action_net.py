@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from ..geometry.crop import Crop
 from ..observation import Observation
 from .blocks import Residual, attention_pool, conv_block
 from .decision import Decision
@@ -23,6 +24,7 @@ class ActionConfig:
     channels: tuple[int, int, int, int] = (32, 64, 96, 128)  # strides 2, 4, 8, 16
     hidden: int = 128
     use_depth: bool = True
+    crop: Crop = "look_at"  # the kind of patches that it is trained on
 
 
 class ActionNet(nn.Module):

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ..geometry.crop import PATCH_SIZE
+from ..geometry.crop import PATCH_SIZE, Crop
 from ..observation import Observation
 from .blocks import Residual, attention_pool, conv_block
 from .cells import CellAnswer
@@ -41,6 +41,7 @@ class CorrelationConfig:
     radius: int = 4  # of the correlation at stride 8, cells
     fine_radius: int = 3  # at stride 4, cells
     use_depth: bool = True
+    crop: Crop = "look_at"  # the kind of patches that it is trained on
 
 
 @dataclass(frozen=True)

@@ -44,14 +44,33 @@ def project_points(points: Tensor, distance: Tensor) -> Tensor:
     return points[..., :2] / points[..., 2:].clamp_min(1e-6) * focal + _CENTRE
 
 
-def move_points(points: Tensor, distance: Tensor, counts: Tensor) -> Tensor:
-    """Surface points (B, M, 3) after the move (B, 6), as `PoseAction.apply` moves the object."""
+def move_points(
+    points: Tensor, distance: Tensor, counts: Tensor, direction: Tensor | None = None
+) -> Tensor:
+    """Surface points (B, M, 3) after the move (B, 6), as `PoseAction.apply` moves the object.
+
+    In an axis-parallel view `direction` (B, 2) is x / z and y / z of the object's centre. Points
+    are then those of `surface_points` still: as if the centre stood straight ahead (`slanted`).
+    """
     depth = distance * OBJECT_SIZE / (OBJECT_SIZE + counts[:, 2])
     metres = depth / (OBJECT_SIZE * distance)
     goal = torch.stack([counts[:, 0] * metres, counts[:, 1] * metres, depth], -1)
     start = torch.stack([torch.zeros_like(distance), torch.zeros_like(distance), distance], -1)
     rotation = exp_so3(counts[:, 3:] * _DEGREE)
-    return (points - start[:, None]) @ rotation.mT + goal[:, None]
+    around = points - start[:, None]
+    if direction is None:
+        return around @ rotation.mT + goal[:, None]
+    turned = slanted(around, direction) @ rotation.mT
+    return slanted(turned, -direction) + goal[:, None]
+
+
+def slanted(vectors: Tensor, direction: Tensor) -> Tensor:
+    """Vectors (B, M, 3) between points of `surface_points` as they are in an axis-parallel view.
+
+    `direction` (B, 2) as in `move_points`; with the opposite sign the other way round.
+    """
+    across = vectors[..., :2] + vectors[..., 2:] * direction[:, None]
+    return torch.cat([across, vectors[..., 2:]], -1)
 
 
 def jacobian(points: Tensor, distance: Tensor) -> Tensor:

@@ -13,23 +13,29 @@ import torch
 from torch import Tensor
 
 from ..actions import difference, expert_difference
+from ..geometry.crop import Crop
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 
 
 def nearest_counts(
-    meshes: Sequence[Mesh], start: Pose, goal: Pose, sphere_diameter: Tensor
-) -> Tensor:
+    meshes: Sequence[Mesh], start: Pose, goal: Pose, sphere_diameter: Tensor,
+    crop: Crop = "look_at",
+) -> Tensor:  # fmt: skip
     """Counts (B, 6) from centred poses (B) to the nearest equivalents of their goals.
 
     Those of `actions.difference` for objects that declare no symmetry. `sphere_diameter` (B,) in
     metres.
     """
-    counts = difference(start, goal, sphere_diameter)
+    counts = difference(start, goal, sphere_diameter, crop)
     for number, mesh in enumerate(meshes):
         if not mesh.symmetries.is_trivial:
             counts[number] = expert_difference(
-                start[number], goal[number], sphere_diameter[number], centred_symmetries(mesh)
+                start[number],
+                goal[number],
+                sphere_diameter[number],
+                centred_symmetries(mesh),
+                crop,
             )
     return counts
 

@@ -1,7 +1,8 @@
 """Training pairs: a start pose's rendering beside an observed patch whose true pose is known.
 
 Never trains. A pair lives in one look-at view, that of the start pose, so that all it needs is an
-orientation, a distance in diameters and the counts to the truth. METHOD 8.
+orientation, a distance in diameters and the counts to the truth. METHOD 8. (For comparison also in
+an axis-parallel view; there it matters in which direction the object stands.)
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from ..actions import PoseAction, difference
-from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE, crop_patches, look_at
+from ..geometry.crop import PATCH_SIZE, Crop, crop_patches, view_of
 from ..geometry.mesh import Mesh, sphere_diameters
 from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
@@ -28,7 +29,7 @@ from .composing import Composer
 from .equivalents import nearest_counts
 from .hands import HandConfig
 from .lighting import LightConfig
-from .occluder_bank import BankConfig, patch_intrinsics
+from .occluder_bank import BankConfig
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,8 @@ class PairConfig:
     hands: HandConfig = field(default_factory=HandConfig)
     bank: BankConfig = field(default_factory=BankConfig)
     distance: tuple[float, float] = (2.2, 14.0)  # of the object in diameters, log-uniform
+    crop: Crop = "look_at"
+    off_axis: float = 0.45  # tangent up to which objects stand beside the axis, if axis-parallel
     zoomed: float = 0.0  # share of pairs of which the patch shows only the middle of the object …
     zoom: tuple[float, float] = (1.1, 2.0)  # … so many times larger; all counts are larger, too
     # What a policy may move at once, and how far off it may lead, in training on its own states.
@@ -58,8 +61,9 @@ class TrainingBatch:
     depth as in `Observation.depth`, `true_mask` (B, 1, 128, 128) its silhouette and `visible`
     (B, 1, 128, 128) what of that nothing covers; `clear` (B, 1, 128, 128) is 1 where nothing would
     cover the object; `mesh` (B,) is the index of the object, `zoom` (B,) how many times larger than
-    usual the patch shows it (counts, distance and depths are in diameters divided by that), and
-    `rotation` (B, 3, 3) the start's in its look-at view.
+    usual the patch shows it (counts, distance and depths are in diameters divided by that),
+    `rotation` (B, 3, 3) the start's in its view and `direction` (B, 2) x / z and y / z of its
+    centre there, 0 in a look-at view.
     """
 
     observation: Observation
@@ -71,6 +75,7 @@ class TrainingBatch:
     mesh: Tensor
     zoom: Tensor
     rotation: Tensor
+    direction: Tensor
 
     def to(self, device: torch.device) -> TrainingBatch:
         """The same pairs on another device."""
@@ -108,12 +113,12 @@ class PairGenerator:
         low, high = np.log(self.config.distance)
         distance = torch.from_numpy(np.exp(self.random.uniform(low, high, len(meshes)))) * zoom
         rotation = random_rotations(len(meshes), self.generator)
-        ahead = torch.zeros(len(meshes), 3, dtype=torch.float64)
-        ahead[:, 2] = distance * diameter
-        start = Pose(rotation, ahead)
-        truth = PoseAction.of(counts).apply(start, diameter)
-        counts = nearest_counts(meshes, start, truth, diameter)
-        intrinsics = patch_intrinsics(OBJECT_SIZE * distance)
+        direction = self._directions(len(meshes))
+        crop = self.config.crop
+        start = Pose(rotation, _place(direction, distance * diameter))
+        truth = PoseAction.of(counts).apply(start, diameter, crop)
+        counts = nearest_counts(meshes, start, truth, diameter, crop)
+        intrinsics = view_of(start, diameter, crop).intrinsics
         rendered = self.renderer.render(meshes, start, intrinsics)
         observed = self.renderer.render(meshes, truth, intrinsics)
         relative, true_depth = (
@@ -124,7 +129,7 @@ class PairGenerator:
         observation = Observation(picture, rendering, relative, rendered.mask, distance.float())
         return TrainingBatch(
             observation, counts.float(), true_depth, observed.mask, observed.mask * clear, clear,
-            index, zoom, rotation,
+            index, zoom, rotation, direction.float(),
         )  # fmt: skip
 
     def advance(self, batch: TrainingBatch, moves: Tensor) -> TrainingBatch:
@@ -135,20 +140,19 @@ class PairGenerator:
         """
         meshes = [self.meshes[int(i)] for i in batch.mesh]
         diameter = sphere_diameters(meshes) / batch.zoom
-        ahead = torch.zeros(len(meshes), 3, dtype=torch.float64)
-        ahead[:, 2] = batch.observation.distance.double() * diameter
-        start = Pose(batch.rotation, ahead)
-        truth = PoseAction.of(batch.counts.double()).apply(start, diameter)
+        depth = batch.observation.distance.double() * diameter
+        start = Pose(batch.rotation, _place(batch.direction.double(), depth))
+        crop = self.config.crop
+        truth = PoseAction.of(batch.counts.double()).apply(start, diameter, crop)
         moves = self._sensible(moves.double(), start, truth, diameter)
-        moved = PoseAction.of(moves).apply(start, diameter)
-        view = look_at(moved, diameter)
+        moved = PoseAction.of(moves).apply(start, diameter, crop)
+        old, view = (view_of(pose, diameter, crop) for pose in (start, moved))
         here, goal = view.to_virtual(moved), view.to_virtual(truth)
         distance = view.distance / diameter
         rendered = self.renderer.render(meshes, here, view.intrinsics)
         observed = self.renderer.render(meshes, goal, view.intrinsics)
-        old = patch_intrinsics(OBJECT_SIZE * batch.observation.distance.double())
         layers = torch.cat([batch.observation.image, batch.clear], 1)
-        layers = crop_patches(layers, view, old)
+        layers = crop_patches(layers, view, old.intrinsics)
         clear = (layers[:, 3:] > 0.5).float()
         relative, true_depth = (
             _relative(buffer, distance, diameter) for buffer in (rendered, observed)
@@ -157,10 +161,17 @@ class PairGenerator:
             layers[:, :3], self._rendering(rendered), relative, rendered.mask, distance.float()
         )
         return TrainingBatch(
-            observation, nearest_counts(meshes, here, goal, diameter).float(), true_depth,
+            observation, nearest_counts(meshes, here, goal, diameter, crop).float(), true_depth,
             observed.mask, observed.mask * clear, clear, batch.mesh, batch.zoom,
-            here.rotation,
+            here.rotation, (here.translation[:, :2] / here.translation[:, 2:]).float(),
         )  # fmt: skip
+
+    def _directions(self, number: int) -> Tensor:
+        """x / z and y / z of so many objects' centres: (B, 2)."""
+        if self.config.crop == "look_at":
+            return torch.zeros(number, 2, dtype=torch.float64)
+        reach = self.config.off_axis
+        return torch.from_numpy(self.random.uniform(-reach, reach, (number, 2)))
 
     def _zoom(self, number: int) -> Tensor:
         """How many times larger than usual each of so many patches shows its object: (B,)."""
@@ -175,8 +186,9 @@ class PairGenerator:
         """The moves (B, 6), zero where they would lose the object."""
         far = torch.tensor(self.config.farthest, dtype=torch.float64)
         moves = moves.clamp(-far, far)
-        moved = PoseAction.of(moves).apply(start, diameter)
-        left = difference(moved, truth, diameter).abs()
+        crop = self.config.crop
+        moved = PoseAction.of(moves).apply(start, diameter, crop)
+        left = difference(moved, truth, diameter, crop).abs()
         keep = (left <= far).all(-1) & (moved.translation[:, 2] > 1.5 * diameter)
         return moves * keep[:, None]
 
@@ -190,6 +202,11 @@ class PairGenerator:
                 coarse, (PATCH_SIZE, PATCH_SIZE), mode="bilinear", align_corners=True
             )
         return (shade_plain(rendered) * (1 + gain)).clamp(0, 1)
+
+
+def _place(direction: Tensor, depth: Tensor) -> Tensor:
+    """Points (B, 3) in a direction (B, 2), x / z and y / z, at a depth (B,)."""
+    return torch.cat([direction, torch.ones_like(depth)[:, None]], 1) * depth[:, None]
 
 
 def _relative(buffer: GBuffer, distance: Tensor, diameter: Tensor) -> Tensor:

@@ -27,7 +27,7 @@ from .pairs import TrainingBatch
 from .source import PairSource
 
 MANIFEST = "pairs.json"
-FORMAT = "moveit6d-pairs-2"
+FORMAT = "moveit6d-pairs-3"
 
 
 @dataclass(frozen=True)
@@ -192,6 +192,7 @@ def _packed(batch: TrainingBatch) -> dict[str, Tensor]:
         "mesh": batch.mesh,
         "zoom": batch.zoom,
         "rotation": batch.rotation,
+        "direction": batch.direction,
     }
 
 
@@ -203,7 +204,7 @@ def _unpacked(stored: dict[str, Any]) -> TrainingBatch:
     )  # fmt: skip
     return TrainingBatch(
         observation, stored["counts"], stored["true_depth"].float(), true_mask, true_mask * clear,
-        clear, stored["mesh"], stored["zoom"], stored["rotation"],
+        clear, stored["mesh"], stored["zoom"], stored["rotation"], stored["direction"],
     )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from moveit6d.evaluation.cycle import CycleTimes
 from moveit6d.evaluation.reproduce import attention, detection, runtime
 from moveit6d.evaluation.reproduce.outcome import Sheet
 from moveit6d.evaluation.reproduce.tracks import Track
+from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.pose import Pose
 from moveit6d.networks.decision import Decision
 from moveit6d.observation import Observation
@@ -46,6 +47,7 @@ class Looking:
     """A policy whose attention is 1 on the left half of the patch."""
 
     mode = MoveMode.ALL_AXES
+    crop: Crop = "look_at"
 
     def decide(self, seen: Observation, situation: Situation) -> Decision:
         attention = torch.zeros(len(seen), 1, 16, 16)
