@@ -103,6 +103,19 @@ def test_what_a_policy_of_axis_parallel_crops_sees_lies_on_what_is_rendered(bric
     assert (photographed & rendered).sum() > 0.95 * (photographed | rendered).sum()
 
 
+def test_a_result_can_be_optimised_further(brick: Mesh) -> None:
+    """The loop itself runs without autograd; what it returns are tensors like any others."""
+    targets, truth = some_targets(brick, 1)
+    results = refine_batch(targets, policy=OraclePolicy(truth), renderer=make_renderer())
+    pose = results[0].pose
+    assert pose is not None
+    shift = torch.zeros(3, dtype=torch.float64, requires_grad=True)
+    moved = Pose(pose.rotation, pose.translation + shift)
+    moved.transform(torch.ones(5, 3, dtype=torch.float64)).square().sum().backward()
+    assert shift.grad is not None and bool((shift.grad != 0).any())
+    pose.translation.mul_(2.0)
+
+
 def test_all_axes_need_a_move_a_look_and_a_close_look(brick: Mesh) -> None:
     targets, truth = some_targets(brick, 5, cluster="all_large")
     policy = OraclePolicy(truth, MoveMode.ALL_AXES)

@@ -32,7 +32,8 @@ def test_every_configuration_is_read_with_every_overlay(path: Path) -> None:
     data = read_data([f"--config={one}" for one in (path, *OVERLAYS)])
     assert data.batch_size == 16 and data.workers == 8, "ddp.yaml's and gpu.yaml's"
     if path.stem in ("object_specific", "multi_object"):
-        assert data.pairs == preset("paper")
+        axis = dataclasses.replace(preset("paper"), crop="axis_parallel")
+        assert data.pairs == axis, "but for the overlay's crop"
     if path.stem == "object_specific":
         assert (data.holdout, data.shapes, data.renew_every) == (0, 0, 0)
         assert data.source().shapes == 1, "without meshes one made object, which stays"

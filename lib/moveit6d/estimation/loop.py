@@ -108,6 +108,21 @@ def refine_batch(
     if not targets:
         return []
     limit = MAX_STEPS[policy.mode] if max_steps is None else max_steps
+    found = _loops(targets, policy, renderer, limit, step, groups)
+    # Tensors made in inference mode are no use for anybody who wants gradients of a pose.
+    return [
+        replace(one, pose=Pose(one.pose.rotation.clone(), one.pose.translation.clone()))
+        if one.pose is not None else one
+        for one in found
+    ]  # fmt: skip
+
+
+@torch.inference_mode()  # half the time of small tensors' arithmetic is autograd's
+def _loops(
+    targets: Sequence[Target], policy: Policy, renderer: Renderer, limit: int, step: float,
+    groups: Sequence[int] | None,
+) -> list[TrackingResult]:  # fmt: skip
+    """`refine_batch`, one result for each target, or one for each group."""
     begin = time.perf_counter()
     scene = _Scene.of(targets)
     pose = scene.pose

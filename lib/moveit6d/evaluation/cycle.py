@@ -69,6 +69,7 @@ def time_cycle(
     return CycleTimes(medians, total, float(np.median(wholes[WARM_UP:])))
 
 
+@torch.inference_mode()  # as the loop's own cycles
 def _parts(
     mesh: Mesh, pose: Pose, pixels: torch.Tensor, policy: Policy, renderer: Renderer
 ) -> list[float]:
