@@ -28,12 +28,9 @@ ROUNDS = 2
 def refine_or_search(
     targets: Sequence[Target], *, policy: Policy, renderer: Renderer, max_steps: int | None = None
 ) -> list[TrackingResult]:
-    """`refine_batch` for single images, and a search for every target whose end is in doubt.
-
-    A policy of single actions does not search: it is the paper's, as it stands there.
-    """
+    """`refine_batch` for single images, and a search for every target whose end is in doubt."""
     results = refine_batch(targets, policy=policy, renderer=renderer, max_steps=max_steps)
-    if policy.mode is MoveMode.SINGLE:
+    if not searches(policy):
         return results
     random = [np.random.default_rng(0) for _ in targets]
     for _ in range(ROUNDS):
@@ -43,6 +40,11 @@ def refine_or_search(
         ]
         results = surest(results, others, policy=policy, renderer=renderer, max_steps=max_steps)
     return results
+
+
+def searches(policy: Policy) -> bool:
+    """Whether a policy looks around at all; one of single actions, the paper's, does not."""
+    return policy.mode is not MoveMode.SINGLE
 
 
 def surest(

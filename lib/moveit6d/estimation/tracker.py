@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..policies import MoveMode, Policy, load_policy
+from ..policies import Policy, load_policy
 from ..regions import colours_at
 from ..rendering.renderer import Renderer, make_renderer
 from .calibration import depth_bias
@@ -24,7 +24,7 @@ from .frame import Frame, prepare_frame
 from .hypotheses import DOUBTFUL, Around, Track
 from .last_word import last_word
 from .loop import StopReason, Target, TrackingResult, check_start, out_of_sight, refine_batch
-from .search import places, surest
+from .search import places, searches, surest
 
 # Places looked at around each of the three where an object is likely to be (`Track.likely`) while
 # it is not believed to have been found. Farther ones find it no more often, and more often
@@ -154,10 +154,9 @@ class PoseTracker:
     def _look_around(self, frame: Frame, results: list[TrackingResult]) -> list[TrackingResult]:
         """The results; instead of a doubtful one the surest end around where the object may be.
 
-        An end in doubt is no reason to leave the track: a covered object is in doubt where it is. A
-        policy of single actions does not search: it is the paper's, as it stands there.
+        An end in doubt is no reason to leave the track: a covered object is in doubt where it is.
         """
-        if self.policy.mode is MoveMode.SINGLE:
+        if not searches(self.policy):
             return results
         others = [
             self._elsewhere(frame, track) if result.confidence < DOUBTFUL else []

@@ -105,7 +105,7 @@ def lit_layers(
     `distance` (B,) sets the focal length as that of an object so many diameters away.
     """
     focal = OBJECT_SIZE * distance
-    seen = renderer.render(list(meshes), poses, patch_intrinsics(focal))
+    seen = renderer.render(list(meshes), poses, _patch_intrinsics(focal))
     # The unit in which the middle of the patch is `distance` away: what `light` measures in.
     unit = (poses.translation[:, 2] / distance).float()[:, None, None, None]
     near = distance.float()
@@ -114,7 +114,7 @@ def lit_layers(
     return torch.cat([lit * seen.mask, seen.mask], 1)
 
 
-def patch_intrinsics(focal: Tensor) -> Tensor:
+def _patch_intrinsics(focal: Tensor) -> Tensor:
     """Intrinsics (B, 3, 3) of look-at patches by their focal lengths (B,) in pixels."""
     matrix = torch.zeros(len(focal), 3, 3, dtype=torch.float64)
     matrix[:, 0, 0] = matrix[:, 1, 1] = focal
