@@ -11,23 +11,21 @@ machinery (configurations, resuming, several processors) is `moveit6d fit`, see 
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 import sys
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-import pytorch_lightning as pl
-
-from lightning_modules.callbacks import FigureLine, WeightsExport
-from lightning_modules.pair_data_module import PairDataModule
-from lightning_modules.pose_action_module import PoseActionModule
+from lightning_modules.cli import main as fit
 from moveit6d import InputError, Mesh, PoseTracker, load_policy
-from moveit6d.networks.weights_file import load_network
 from moveit6d.policies import SHIPPED_WEIGHTS
 from moveit6d.synthesis.demo_object import demo_object
 from moveit6d.synthesis.mesh_file import write_glb
 from moveit6d.synthesis.sequence import Scene
+
+CONFIG = Path(__file__).parents[1] / "configs" / "fit" / "my_object.yaml"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -47,34 +45,46 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     args = parser.parse_args(arguments)
 
-    # Training reads a folder of meshes; here it holds one, and it is not held out.
+    # Training reads a folder of meshes; here it holds one.
     meshes = args.output / "meshes"
     meshes.mkdir(parents=True, exist_ok=True)
     if args.mesh is None:
         write_glb(meshes / "robot.glb", demo_object())
     else:
         shutil.copy(args.mesh, meshes)
-    data = PairDataModule(
-        meshes, args.mesh_unit, holdout=0, photos=args.photos, shapes=0, renew_every=0,
-        batch_size=args.batch, workers=0,
-    )  # fmt: skip
-
-    module = PoseActionModule(
-        load_network(args.weights).network, learning_rate=3e-4, total_steps=args.steps,
-        matching_steps=0,
-    )  # fmt: skip
-    trainer = pl.Trainer(
-        max_steps=args.steps, accelerator="auto", devices=1, gradient_clip_val=5.0,
-        limit_val_batches=0, logger=False, enable_checkpointing=False,
-        enable_progress_bar=False, enable_model_summary=False,
-        callbacks=[FigureLine(10), WeightsExport(args.output, every_n_steps=100)],
-    )  # fmt: skip
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*does not have many workers.*")
-        trainer.fit(module, datamodule=data)
+    weights = args.output / "weights.safetensors"
+    kept: dict[str, Any] = {"every_n_train_steps": 100, "save_last": True, "save_top_k": 0}
+    callbacks = [
+        {
+            "class_path": "pytorch_lightning.callbacks.ModelCheckpoint",
+            "init_args": {"dirpath": str(args.output), **kept},
+        },
+        {
+            "class_path": "lightning_modules.callbacks.WeightsExport",
+            "init_args": {"folder": str(args.output), "every_n_steps": 100},
+        },
+        {
+            "class_path": "lightning_modules.callbacks.FigureLine",
+            "init_args": {"every_n_steps": 10},
+        },
+    ]
+    # What `moveit6d fit` would be given; the configuration says the rest.
+    options = {
+        "config": CONFIG,
+        "model.init_from": args.weights,
+        "model.total_steps": args.steps,
+        "data.meshes": meshes,
+        "data.mesh_unit": args.mesh_unit,
+        "data.photos": args.photos or "null",
+        "data.batch_size": args.batch,
+        "data.workers": 0,
+        "data.rollouts.weights": weights,
+        "trainer.max_steps": args.steps,
+        "trainer.callbacks": json.dumps(callbacks),
+    }
+    fit([f"--{name}={value}" for name, value in options.items()])
 
     # A clip of the object that training has not seen.
-    weights = args.output / "weights.safetensors"
     mesh = Mesh.load(next(iter(sorted(meshes.iterdir()))), args.mesh_unit)
     scene = Scene(mesh, seed=5, frames=args.frames, level="easy")
     shots = [scene.shoot(number) for number in range(args.frames)]

@@ -61,6 +61,13 @@ def test_weights_that_do_not_fit_their_header_are_refused(tmp_path: Path) -> Non
         load_network(path)
 
 
+def test_a_crop_that_nobody_knows_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "odd.safetensors"
+    save_network(ActionNet(ActionConfig(crop="round")), path)  # type: ignore[arg-type]
+    with pytest.raises(WeightsError, match="unknown crop 'round'"):
+        load_network(path)
+
+
 def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
     network = ActionNet(ActionConfig(channels=(8, 8, 8, 8)))
     network.decide[0].weight.data[0, 0] = float("nan")

@@ -11,13 +11,14 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
 from ..errors import WeightsError
+from ..geometry.crop import Crop
 from .action_net import ActionConfig, ActionNet
 from .correlation import CorrelationConfig, CorrelationNet
 
@@ -82,6 +83,8 @@ def load_network(path: Path) -> LoadedNetwork:
         config = config_class(
             **{name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
         )
+        if config.crop not in get_args(Crop):
+            raise ValueError(f"unknown crop {config.crop!r}")
         network = network_class(config)
         network.load_state_dict(tensors)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
