@@ -11,6 +11,7 @@ from moveit6d.estimation import PoseTracker
 from moveit6d.estimation.calibration import LASTING, MOST, depth_bias
 from moveit6d.estimation.frame import prepare_frame
 from moveit6d.geometry.camera import Camera
+from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.networks.decision import Decision
@@ -30,6 +31,7 @@ class TooNear:
     pose: Pose
     bias: float
     mode: MoveMode = MoveMode.ALL_AXES
+    crop: Crop = "look_at"
 
     def decide(self, seen: Observation, situation: Situation) -> Decision:
         """The exact counts with the bias."""

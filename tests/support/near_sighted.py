@@ -8,6 +8,7 @@ import torch
 
 from moveit6d.actions import difference
 from moveit6d.estimation.hypotheses import SURE
+from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.pose import Pose
 from moveit6d.networks.decision import Decision
 from moveit6d.observation import Observation
@@ -22,6 +23,7 @@ class NearSighted:
     reach: float
     doubt: float = SURE - 0.3
     mode: MoveMode = MoveMode.ALL_AXES
+    crop: Crop = "look_at"
     asked: int = 0
 
     def decide(self, seen: Observation, situation: Situation) -> Decision:
