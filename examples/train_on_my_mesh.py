@@ -80,6 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "data.workers": 0,
         "data.rollouts.weights": weights,
         "trainer.max_steps": args.steps,
+        "trainer.default_root_dir": args.output,
         "trainer.callbacks": json.dumps(callbacks),
     }
     fit([f"--{name}={value}" for name, value in options.items()])

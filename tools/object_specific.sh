@@ -6,10 +6,10 @@
 # MESH is one file; its pictures are in front of PHOTOS with OCCLUDERS (a folder of meshes) before
 # them, and it is measured in front of BACKGROUNDS, which are other pictures. The paper's pairs
 # (configs/pairs/paper.yaml), 51,200 of them written first: what training reads again and again.
-# 6,000 steps by default: an hour and a half of one core. A killed run goes on.
+# 5,000 steps by default: an hour and a quarter of one core. A killed run goes on.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-mesh=$1 occluders=$2 photos=$3 backgrounds=$4 output=$5 steps=${6:-6000} rate=${7:-4.0e-4}
+mesh=$1 occluders=$2 photos=$3 backgrounds=$4 output=$5 steps=${6:-5000} rate=${7:-4.0e-4}
 config=configs/fit/object_specific.yaml
 
 moveit6d() { .venv/bin/moveit6d "$@"; }
@@ -39,10 +39,10 @@ moveit6d fit --config $config --threads 1 --data.written "$output/pairs" --data.
         {class_path: lightning_modules.callbacks.FigureLine}]" >&2
 
 printf '| network | starts | < 5 %% | < 10 %% | median steps |\n|---|---|---|---|---|\n'
-steps=(--max_steps 150) # single actions from far away need more than the usual 30
+long=(--max_steps 150) # single actions from far away need more than the usual 30
 for cluster in one_large all_small all_large; do
-    measure "the paper's, this object alone" $cluster "${steps[@]}" \
+    measure "the paper's, this object alone" $cluster "${long[@]}" \
         --weights "$output/weights.safetensors"
-    measure "shipped, single actions" $cluster "${steps[@]}" --single_actions
+    measure "shipped, single actions" $cluster "${long[@]}" --single_actions
     measure "shipped, all six axes" $cluster
 done

@@ -249,6 +249,7 @@ def test_training_example_trains_on_the_mesh(
     assert "--weights" in capsys.readouterr().out
     trained, given = (load_network(path) for path in (out / "weights.safetensors", weights))
     assert trained.facts["steps"] == "2"
+    assert (out / "config.yaml").is_file(), "there, and not where the command was run"
     one, two = (network.network.state_dict() for network in (trained, given))
     assert any(not torch.equal(one[name], two[name]) for name in one)
 

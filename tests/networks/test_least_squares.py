@@ -6,12 +6,7 @@ import torch
 
 from moveit6d.actions import PoseAction
 from moveit6d.geometry.camera import project
-from moveit6d.geometry.crop import (
-    OBJECT_SIZE,
-    PATCH_SIZE,
-    axis_parallel,
-    look_at,
-)
+from moveit6d.geometry.crop import OBJECT_SIZE, PATCH_SIZE, axis_parallel, look_at
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
 from moveit6d.networks.least_squares import (
