@@ -18,7 +18,7 @@ from moveit6d.actions import expert_action
 from moveit6d.errors import InputError
 from moveit6d.networks.action_net import ActionNet
 from moveit6d.networks.correlation import CorrelationNet
-from moveit6d.networks.weights_file import load_network, save_network
+from moveit6d.networks.weights_file import begin_from, load_network, save_network
 from moveit6d.synthesis.pairs import TrainingBatch
 
 from .losses import LossWeights, action_loss, correlation_losses, is_right, point_error
@@ -28,18 +28,19 @@ class PoseActionModule(pl.LightningModule):
     """Trains a `CorrelationNet` or an `ActionNet` on `TrainingBatch`es.
 
     Args:
-        network: the network to train.
+        network: the network to train; None: the one in `init_from`.
         learning_rate: at its peak, after `warmup_steps`.
         schedule: `cosine` to 2 % of the peak at `total_steps`, or `paper`: 5 % less every 1,000.
         total_steps: length of the cosine.
         matching_steps: first steps in which only the matching reaches the encoder.
         weights: weights of the loss terms.
-        init_from: weights file (.safetensors) to start from instead of random numbers.
+        init_from: weights file (.safetensors) to start from instead of random numbers; of a network
+            of the same sizes as `network` or a shallower one (`begin_from`), if there is one.
     """
 
     def __init__(
         self,
-        network: CorrelationNet | ActionNet,
+        network: CorrelationNet | ActionNet | None = None,
         learning_rate: float = 1.5e-3,
         schedule: str = "cosine",
         total_steps: int = 20_000,
@@ -52,8 +53,7 @@ class PoseActionModule(pl.LightningModule):
         super().__init__()
         if schedule not in ("cosine", "paper"):
             raise ValueError(f"schedule must be 'cosine' or 'paper', found {schedule!r}.")
-        # What is loaded is in evaluation mode, and Lightning leaves modes as they are.
-        self.network = load_network(init_from).network.train() if init_from else network
+        self.network = _network(network, init_from)
         convert_conv2d_weight_memory_format(self.network, torch.channels_last)  # faster on CPUs
         self.learning_rate, self.schedule = learning_rate, schedule
         self.total_steps, self.warmup_steps = total_steps, warmup_steps
@@ -135,3 +135,16 @@ class PoseActionModule(pl.LightningModule):
     def export(self, path: Path, facts: dict[str, str]) -> None:
         """Write the network as a weights file that `moveit6d.load_policy` reads."""
         save_network(self.network, path, {**facts, "steps": str(self.global_step)})
+
+
+def _network(
+    network: CorrelationNet | ActionNet | None, init_from: Path | None
+) -> CorrelationNet | ActionNet:
+    """What to train, in training mode, which what is loaded is not."""
+    if network is None:
+        if init_from is None:
+            raise InputError("Nothing to train: set model.network or model.init_from.")
+        network = load_network(init_from).network
+    elif init_from is not None:
+        begin_from(network, init_from)
+    return network.train()

@@ -21,7 +21,7 @@ from .geometry.pose import Pose
 from .networks.action_net import ActionNet
 from .networks.correlation import CorrelationNet
 from .networks.decision import Decision
-from .networks.inference import InferenceNetwork
+from .networks.inference import Compute, InferenceNetwork
 from .networks.weights_file import load_network
 from .observation import Observation, mirrored
 
@@ -85,9 +85,10 @@ class NetworkPolicy:
     """Decides with a trained network, in evaluation mode, without gradients."""
 
     def __init__(
-        self, network: CorrelationNet | ActionNet, mode: MoveMode | None = None, source: str = ""
-    ) -> None:
-        self.network = InferenceNetwork(network)
+        self, network: CorrelationNet | ActionNet, mode: MoveMode | None = None, source: str = "",
+        compute: Compute = "auto",
+    ) -> None:  # fmt: skip
+        self.network = InferenceNetwork(network, compute)
         single = isinstance(network, ActionNet)
         self.crop: Crop = network.config.crop
         self.mode = mode or (MoveMode.SINGLE if single else MoveMode.ALL_AXES)
@@ -143,8 +144,16 @@ class OraclePolicy:
         return Decision(logits, counts, torch.ones(len(counts)))
 
 
-def load_policy(path: Path | None = None, mode: MoveMode | None = None) -> NetworkPolicy:
-    """A policy from a weights file; without one, from the weights that are shipped."""
+def load_policy(
+    path: Path | None = None, mode: MoveMode | None = None, compute: Compute = "auto"
+) -> NetworkPolicy:
+    """A policy from a weights file; without one, from the weights that are shipped.
+
+    `compute` are the numbers of its convolutions: `auto` takes bfloat16 where the processor has
+    AMX instructions, which is faster and moves poses by hundredths of a count; with `float32` they
+    are the same on every machine.
+    """
     loaded = load_network(SHIPPED_WEIGHTS if path is None else Path(path))
     name = "shipped multi-object model" if path is None else Path(path).name
-    return NetworkPolicy(loaded.network, mode, f"{name} (sha256 {loaded.sha256[:12]})")
+    source = f"{name} (sha256 {loaded.sha256[:12]})"
+    return NetworkPolicy(loaded.network, mode, source, compute)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import count
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -22,7 +21,7 @@ def use_oracle(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     def use(mesh: Mesh, pose: Pose, targets: int = 1) -> None:
         oracle = OraclePolicy(Pose.stack([mesh.inner(pose)] * targets))
 
-        def load(path: Path | None = None, mode: Any = None) -> Any:
+        def load(*_: Any) -> Any:
             return oracle
 
         monkeypatch.setattr("moveit6d.policies.load_policy", load)

@@ -42,7 +42,7 @@ def test_a_machine_without_opengl_is_healthy(monkeypatch: pytest.MonkeyPatch, ca
     text = capsys.readouterr().out
     assert "pyrender   does not run here: install libpyrender." in text
     assert "embree     works" in text and "sha256 0123" in text and "mp4" in text
-    assert "torch" in text and "cores" in text
+    assert "torch" in text and "cores" in text and "network    " in text
 
 
 def test_without_the_default_renderer_nothing_goes(

@@ -30,7 +30,7 @@ def oracle(monkeypatch: pytest.MonkeyPatch, scene: Any) -> None:
     """Every command decides by the pose of the brick that stands still."""
     truth = Pose.stack([scene.mesh.inner(scene.pose(0))] * 64)
 
-    def load(path: Path | None = None, mode: Any = None) -> OraclePolicy:
+    def load(*_: Any) -> OraclePolicy:
         return OraclePolicy(truth, MoveMode.ALL_AXES)
 
     monkeypatch.setattr("moveit6d.policies.load_policy", load)

@@ -10,7 +10,7 @@ from lightning_modules.pair_data_module import PairDataModule
 from lightning_modules.pose_action_module import PoseActionModule
 from moveit6d.errors import InputError
 from moveit6d.networks.action_net import ActionConfig, ActionNet
-from moveit6d.networks.correlation import CorrelationNet
+from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
 from moveit6d.networks.weights_file import save_network
 
 
@@ -34,3 +34,15 @@ def test_pairs_of_other_crops_than_the_networks_are_refused() -> None:
     )  # fmt: skip
     with pytest.raises(InputError, match="look_at crops, the network is made for axis_parallel"):
         trainer.fit(module, data)
+
+
+def test_a_fit_from_weights_alone_trains_the_network_that_they_are_of(tmp_path: Path) -> None:
+    save_network(CorrelationNet(CorrelationConfig(context=40)), tmp_path / "known.safetensors")
+    module = PoseActionModule(init_from=tmp_path / "known.safetensors")
+    assert module.network.config == CorrelationConfig(context=40)
+    assert all(part.training for part in module.network.modules())
+
+
+def test_a_fit_of_nothing_is_refused() -> None:
+    with pytest.raises(InputError, match=r"set model\.network or model\.init_from"):
+        PoseActionModule()

@@ -3,9 +3,12 @@
 import pytest
 import torch
 
+from moveit6d.networks import inference
 from moveit6d.networks.action_net import ActionNet
 from moveit6d.networks.correlation import CorrelationNet
 from moveit6d.networks.inference import TRACED, InferenceNetwork
+from moveit6d.networks.weights_file import load_network
+from moveit6d.policies import SHIPPED_WEIGHTS
 from tests.support.observations import an_observation
 
 
@@ -16,7 +19,7 @@ def test_folded_and_traced_networks_answer_as_the_original(kind: type) -> None:
     for _ in range(3):  # running statistics that are not trivial
         original(an_observation(4))
     original.eval()
-    fast = InferenceNetwork(original)
+    fast = InferenceNetwork(original, compute="float32")
     for batch in (1, 2, TRACED + 1, 1):
         seen = an_observation(batch, seed=batch)
         with torch.no_grad():
@@ -32,3 +35,35 @@ def test_folded_and_traced_networks_answer_as_the_original(kind: type) -> None:
     # The original is a copy's template only: it can be trained on.
     assert any(isinstance(module, torch.nn.BatchNorm2d) for module in original.modules())
     assert all(parameter.requires_grad for parameter in original.parameters())
+
+
+def test_bfloat16_moves_the_shipped_networks_answers_by_hundredths() -> None:
+    network = load_network(SHIPPED_WEIGHTS).network
+    exact = InferenceNetwork(network, compute="float32")
+    narrow = InferenceNetwork(network, compute="bfloat16")
+    seen = an_observation(TRACED + 3, seed=4)
+    wanted, found = exact(seen), narrow(seen)
+    assert wanted.counts is not None and found.counts is not None
+    off = (found.counts - wanted.counts).abs()
+    assert 0 < float(off.max()) < 0.5
+    assert float(off.median()) < 0.05
+    torch.testing.assert_close(found.confidence, wanted.confidence, atol=0.05, rtol=0)
+    assert found.counts.dtype is torch.float32
+
+
+@pytest.mark.parametrize("amx", [True, False])
+def test_auto_is_bfloat16_where_the_processor_has_amx(
+    amx: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"amx_bf16": amx, "avx2": True})
+    assert inference.is_bfloat16_fast() is amx
+    assert InferenceNetwork(CorrelationNet()).is_narrow is amx
+    assert InferenceNetwork(CorrelationNet(), compute="bfloat16").is_narrow
+    assert not InferenceNetwork(CorrelationNet(), compute="float32").is_narrow
+
+
+def test_capabilities_that_torch_does_not_list_are_not_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"architecture": "aarch64"})
+    assert not inference.is_bfloat16_fast()

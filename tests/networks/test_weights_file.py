@@ -9,7 +9,7 @@ from safetensors.torch import save_file
 from moveit6d.errors import WeightsError
 from moveit6d.networks.action_net import ActionConfig, ActionNet
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
-from moveit6d.networks.weights_file import load_network, save_network
+from moveit6d.networks.weights_file import begin_from, load_network, save_network
 from tests.support.observations import an_observation
 
 
@@ -74,3 +74,49 @@ def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
     save_network(network, tmp_path / "nan.safetensors")
     with pytest.raises(WeightsError, match="not finite"):
         load_network(tmp_path / "nan.safetensors")
+
+
+def test_a_deeper_network_begins_with_the_answers_of_a_shallower_one(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    shallow = CorrelationNet()
+    for _ in range(3):  # running statistics that are not trivial
+        shallow(an_observation(4))
+    save_network(shallow, tmp_path / "shallow.safetensors")
+    deep = CorrelationNet(CorrelationConfig(deeper=(1, 2, 1)))
+    begin_from(deep, tmp_path / "shallow.safetensors")
+    assert sum(p.numel() for p in deep.parameters()) > 1.5 * sum(
+        p.numel() for p in shallow.parameters()
+    )
+    seen = an_observation(2, seed=3)
+    with torch.no_grad():
+        wanted, found = shallow.eval()(seen), deep.eval()(seen)
+    torch.testing.assert_close(found.decision.counts, wanted.decision.counts)
+    torch.testing.assert_close(found.decision.logits, wanted.decision.logits)
+    # Its new blocks learn: the gradient reaches what keeps them identities.
+    answer = deep.train()(an_observation(4))
+    answer.decision.counts.square().sum().backward()
+    new = {name: p for name, p in deep.named_parameters() if name.endswith("second.1.weight")}
+    new = {name: p for name, p in new.items() if ".deeper." in name}
+    assert len(new) == 4
+    assert all(p.grad is not None and bool(p.grad.abs().sum() > 0) for p in new.values())
+
+
+def test_a_network_is_not_begun_from_weights_of_other_sizes(tmp_path: Path) -> None:
+    path = tmp_path / "a.safetensors"
+    save_network(CorrelationNet(CorrelationConfig(context=40)), path)
+    with pytest.raises(WeightsError, match=r"other sizes .*CorrelationNet.*context=40"):
+        begin_from(CorrelationNet(), path)
+    with pytest.raises(WeightsError, match=r"a CorrelationNet of other sizes .* a ActionNet"):
+        begin_from(ActionNet(), path)
+    save_network(CorrelationNet(CorrelationConfig(deeper=(1, 0, 0))), path)
+    with pytest.raises(WeightsError, match="other sizes"):
+        begin_from(CorrelationNet(), path)  # what a file has beyond the network is not dropped
+
+
+def test_what_a_network_is_shown_may_differ_from_what_its_weights_were(tmp_path: Path) -> None:
+    known = CorrelationNet()
+    save_network(known, tmp_path / "a.safetensors")
+    network = CorrelationNet(CorrelationConfig(use_depth=False))
+    begin_from(network, tmp_path / "a.safetensors")
+    assert not network.config.use_depth
+    assert torch.equal(network.answer.weight, known.answer.weight)

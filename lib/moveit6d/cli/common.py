@@ -20,6 +20,7 @@ from ..errors import InputError
 
 if TYPE_CHECKING:
     from ..evaluation.rollout import Step
+    from ..networks.inference import Compute
     from ..policies import Policy
     from ..rendering.renderer import Renderer
 
@@ -111,6 +112,11 @@ def add_machine_options(group: Any) -> None:
     group.add_argument(
         "--threads", type=positive, default=1, metavar="N", help="CPU threads of the network"
     )
+    group.add_argument(
+        "--float32",
+        action="store_true",
+        help="no bfloat16 convolutions where the processor has AMX: the same poses on all machines",
+    )
 
 
 def add_jobs_options(parser: argparse.ArgumentParser) -> None:
@@ -154,6 +160,7 @@ class Setting:
     single_actions: bool = False
     learning: bool = True
     search: bool = True
+    compute: Compute = "auto"
 
     @staticmethod
     def of(args: argparse.Namespace) -> Setting:
@@ -164,33 +171,38 @@ class Setting:
         learning = not getattr(args, "no_learning", False)
         search = not getattr(args, "no_search", False)
         return Setting(
-            weights, args.renderer, args.threads, args.max_steps, regions, single, learning, search
-        )
+            weights, args.renderer, args.threads, args.max_steps, regions, single, learning, search,
+            _compute(args),
+        )  # fmt: skip
 
 
 @lru_cache(maxsize=1)
 def tools(setting: Setting) -> tuple[Policy, Renderer]:
     """Policy and renderer of a worker process, made once."""
     return _make_tools(
-        setting.weights, setting.renderer, setting.threads, setting.single_actions
-    )  # fmt: skip
+        setting.weights, setting.renderer, setting.threads, setting.single_actions, setting.compute
+    )
 
 
 def set_up(args: argparse.Namespace) -> tuple[Policy, Renderer]:
     """Policy and renderer by the options of `add_tracking_options`."""
     single = getattr(args, "single_actions", False)
-    return _make_tools(args.weights, args.renderer, args.threads, single)
+    return _make_tools(args.weights, args.renderer, args.threads, single, _compute(args))
+
+
+def _compute(args: argparse.Namespace) -> Compute:
+    return "float32" if args.float32 else "auto"
 
 
 def _make_tools(
-    weights: Path | None, renderer: str, threads: int, single_actions: bool
+    weights: Path | None, renderer: str, threads: int, single_actions: bool, compute: Compute
 ) -> tuple[Policy, Renderer]:
     from ..policies import MoveMode, load_policy
     from ..rendering.renderer import make_renderer
 
     use_threads(threads)
     mode = MoveMode.SINGLE if single_actions else None
-    return load_policy(weights, mode), make_renderer(renderer)
+    return load_policy(weights, mode, compute), make_renderer(renderer)
 
 
 def progress(

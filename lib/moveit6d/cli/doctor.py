@@ -37,12 +37,15 @@ def run(args: argparse.Namespace) -> int:
     """Print the findings; 3 if the default renderer does not run, 2 if the weights do not load."""
     import torch
 
+    from ..networks.inference import is_bfloat16_fast
+
     print("versions")
     for name, version in versions().items():
         print(f"  {name:10} {version}")
     print("machine")
     print(f"  {'system':10} {platform.system()} {platform.machine()}")
     print(f"  {'cores':10} {os.cpu_count()}, torch uses {torch.get_num_threads()}")
+    print(f"  {'network':10} {'bfloat16 (AMX)' if is_bfloat16_fast() else 'float32'}")
     print("renderers")
     works = {name: _renders(name) for name in _renderers()}
     print("weights")

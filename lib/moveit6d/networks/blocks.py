@@ -5,6 +5,9 @@ Never a whole network.
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor, nn
 
@@ -16,18 +19,37 @@ def conv_block(inputs: int, outputs: int, stride: int = 1, kernel: int = 3) -> n
 
 
 class Residual(nn.Module):
-    """Two convolutions around an identity: (B, C, H, W) → (B, C, H, W)."""
+    """Two convolutions around an identity: (B, C, H, W) → (B, C, H, W).
 
-    def __init__(self, channels: int) -> None:
+    With `identity` it begins as one: it answers with its input, which must not be negative.
+    """
+
+    def __init__(self, channels: int, identity: bool = False) -> None:
         super().__init__()
         self.first = conv_block(channels, channels)
-        self.second = nn.Sequential(
-            nn.Conv2d(channels, channels, 3, 1, 1, bias=False), nn.BatchNorm2d(channels)
-        )
+        norm = nn.BatchNorm2d(channels)
+        self.second = nn.Sequential(nn.Conv2d(channels, channels, 3, 1, 1, bias=False), norm)
+        if identity:
+            nn.init.zeros_(norm.weight)
 
     def forward(self, features: Tensor) -> Tensor:
         """Add the block's answer to its input."""
         return torch.relu(features + self.second(self.first(features)))
+
+
+def deepened(
+    before: Sequence[nn.Module], channels: int, number: int, after: Sequence[nn.Module] = ()
+) -> nn.Sequential:
+    """Modules in sequence with `number` residual blocks put in between that begin as identities.
+
+    Those before must end in a ReLU. The names of the others do not depend on `number`, so that a
+    network can begin with the weights of a shallower one and its answers.
+    """
+    blocks = nn.Sequential(*[Residual(channels, identity=True) for _ in range(number)])
+    parts = [(str(i), module) for i, module in enumerate([*before, *after])]
+    if number:
+        parts.insert(len(before), ("deeper", blocks))
+    return nn.Sequential(OrderedDict(parts))
 
 
 def attention_pool(features: Tensor, attention: Tensor) -> Tensor:

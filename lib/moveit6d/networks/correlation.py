@@ -16,11 +16,19 @@ from torch.nn import functional
 
 from ..geometry.crop import PATCH_SIZE, Crop
 from ..observation import Observation
-from .blocks import Residual, attention_pool, conv_block
+from .blocks import Residual, attention_pool, conv_block, deepened
 from .cells import CellAnswer
 from .decision import Decision
 from .least_squares import cell_pixels, jacobian, solve_counts, surface_points
-from .matching import BLOCK, centred, correlate, correlate_blocks, warp_cells, window_index
+from .matching import (
+    BLOCK,
+    centred,
+    correlate,
+    correlate_blocks,
+    side_by_side,
+    warp_cells,
+    window_index,
+)
 
 # Prior of the least squares for t_x, t_y, t_z and the three turns; learnable. Measured to matter:
 # with 1e-3 everywhere its loss stays a fifth higher.
@@ -40,6 +48,7 @@ class CorrelationConfig:
     fine: int = 32  # stride 4: matching and decoder
     radius: int = 4  # of the correlation at stride 8, cells
     fine_radius: int = 3  # at stride 4, cells
+    deeper: tuple[int, int, int] = (0, 0, 0)  # residual blocks more: encoder, decoders at 8 and 4
     use_depth: bool = True
     crop: Crop = "look_at"  # the kind of patches that it is trained on
 
@@ -74,22 +83,26 @@ class CorrelationNet(nn.Module):
         c2, c4, c8 = config.channels
         g2, g4, g8 = config.geometry
         self.encode4 = nn.Sequential(conv_block(3, c2, 2, 5), conv_block(c2, c4, 2), Residual(c4))
-        self.encode8 = nn.Sequential(conv_block(c4, c8, 2), Residual(c8), nn.Conv2d(c8, c8, 1))
+        more8, more_decoder, more_fine = config.deeper
+        self.encode8 = deepened(
+            [conv_block(c4, c8, 2), Residual(c8)], c8, more8, [nn.Conv2d(c8, c8, 1)]
+        )
         self.geometry4 = nn.Sequential(conv_block(5, g2, 2, 5), conv_block(g2, g4, 2))
         self.geometry8 = conv_block(g4, g8, 2)
         offsets = (2 * config.radius + 1) ** 2
         self.context = conv_block(2 * c8 + g8, config.context, 1, 1)
-        self.decode = nn.Sequential(
-            conv_block(offsets + config.context + 2, config.decoder), Residual(config.decoder)
-        )
+        self.decode = deepened(
+            [conv_block(offsets + config.context + 2, config.decoder), Residual(config.decoder)],
+            config.decoder, more_decoder,
+        )  # fmt: skip
         self.answer = nn.Conv2d(config.decoder, 4, 3, 1, 1)
         self.attend = nn.Conv2d(config.decoder, 1, 1)
         fine = config.fine
         self.fine_match = nn.Conv2d(c4, fine, 1)
         self.fine_context = conv_block(2 * fine + g4 + config.decoder, fine, 1, 1)
         fine_offsets = (2 * config.fine_radius + 1) ** 2
-        self.fine_decode = nn.Sequential(
-            conv_block(fine_offsets + fine + 2, fine), conv_block(fine, fine)
+        self.fine_decode = deepened(
+            [conv_block(fine_offsets + fine + 2, fine), conv_block(fine, fine)], fine, more_fine
         )
         self.fine_answer = nn.Conv2d(fine, 6, 3, 1, 1)
         self.head = nn.Sequential(
@@ -142,8 +155,8 @@ class CorrelationNet(nn.Module):
         volume = correlation.detach() if matching_only else correlation
         share = torch.softmax(volume * self.temperature.exp(), 1)
         first = torch.einsum("bkyx,kc->bcyx", share, self.offsets)  # cells
-        context = self.context(torch.cat([image8, render8, self.geometry8(geometry4)], 1))
-        hidden = self.decode(torch.cat([volume * 4, first / 8, context], 1))
+        context = self.context(side_by_side(image8, render8, self.geometry8(geometry4)))
+        hidden = self.decode(side_by_side(volume * 4, first / 8, context))
         coarse = _cells(self.answer(hidden), first * 8, 8.0)
 
         fine, fine_hidden = self._refine(shared4, geometry4, hidden, coarse, batch)
@@ -192,8 +205,8 @@ class CorrelationNet(nn.Module):
         correlation = correlate_blocks(render4, warped, self.fine_index, self.config.fine_radius)
         wide = functional.interpolate(hidden, scale_factor=2.0, mode="nearest")
         # The image's own features too: behind an outline the rendering has nothing to compare with.
-        context = self.fine_context(torch.cat([matched[batch:], warped * 2, geometry4, wide], 1))
-        fine = self.fine_decode(torch.cat([correlation * 4, start / 16, context], 1))
+        context = self.fine_context(side_by_side(matched[batch:], warped * 2, geometry4, wide))
+        fine = self.fine_decode(side_by_side(correlation * 4, start / 16, context))
         return _cells(self.fine_answer(fine), start, 4.0), fine
 
 

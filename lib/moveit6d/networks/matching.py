@@ -53,6 +53,12 @@ def correlate_blocks(render: Tensor, image: Tensor, index: Tensor, radius: int) 
     return products.transpose(2, 3).reshape(batch, n, n, -1).permute(0, 3, 1, 2)
 
 
+def side_by_side(*maps: Tensor) -> Tensor:
+    """Maps (B, Ci, n, n) as one, channels_last: where one of them is not, `cat` would answer in
+    the other layout and the convolution after it would spend longer on that than on its work."""
+    return torch.cat([one.contiguous(memory_format=torch.channels_last) for one in maps], 1)
+
+
 def warp_cells(features: Tensor, displacement: Tensor, stride: int) -> Tensor:
     """Features (B, C, n, n) of the image where each cell's displacement (B, 2, n, n) leads.
 

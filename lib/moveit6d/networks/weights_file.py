@@ -96,3 +96,26 @@ def load_network(path: Path) -> LoadedNetwork:
     facts = {k: v for k, v in header.items() if k not in ("format", "config")}
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     return LoadedNetwork(network.eval(), facts, digest)
+
+
+def begin_from(network: CorrelationNet | ActionNet, path: Path) -> None:
+    """Give a network the weights of a file, of a network of the same sizes or a shallower one.
+
+    What it has beyond that (`CorrelationConfig.deeper`) stays as it is, which is an identity in a
+    new network. What it is shown (`use_depth`, `crop`) may differ. Raises `WeightsError` if the
+    sizes do not fit.
+    """
+    known = load_network(path).network
+    fits = type(known) is type(network)
+    if fits:
+        mine, theirs = network.state_dict(), known.state_dict()
+        new = {name for name in mine.keys() - theirs.keys() if ".deeper." not in name}
+        fits = not new and not theirs.keys() - mine.keys()
+        fits = fits and all(mine[name].shape == value.shape for name, value in theirs.items())
+    if not fits:
+        raise WeightsError(
+            f"Weights file {path} holds a {type(known).__name__} of other sizes than the network "
+            f"to train, a {type(network).__name__}; configure that as the file says: "
+            f"{known.config}."
+        )
+    network.load_state_dict(known.state_dict(), strict=False)
