@@ -11,12 +11,10 @@ machinery (configurations, resuming, several processors) is `moveit6d fit`, see 
 from __future__ import annotations
 
 import argparse
-import json
 import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from lightning_modules.cli import main as fit
 from moveit6d import InputError, Mesh, PoseTracker, load_policy
@@ -53,21 +51,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     else:
         shutil.copy(args.mesh, meshes)
     weights = args.output / "weights.safetensors"
-    kept: dict[str, Any] = {"every_n_train_steps": 100, "save_last": True, "save_top_k": 0}
-    callbacks = [
-        {
-            "class_path": "pytorch_lightning.callbacks.ModelCheckpoint",
-            "init_args": {"dirpath": str(args.output), **kept},
-        },
-        {
-            "class_path": "lightning_modules.callbacks.WeightsExport",
-            "init_args": {"folder": str(args.output), "every_n_steps": 100},
-        },
-        {
-            "class_path": "lightning_modules.callbacks.FigureLine",
-            "init_args": {"every_n_steps": 10},
-        },
-    ]
     # What `moveit6d fit` would be given; the configuration says the rest.
     options = {
         "config": CONFIG,
@@ -78,10 +61,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "data.photos": args.photos or "null",
         "data.batch_size": args.batch,
         "data.workers": 0,
-        "data.rollouts.weights": weights,
         "trainer.max_steps": args.steps,
-        "trainer.default_root_dir": args.output,
-        "trainer.callbacks": json.dumps(callbacks),
+        "output": args.output,
+        "figures.every_n_steps": 10,
     }
     fit([f"--{name}={value}" for name, value in options.items()])
 

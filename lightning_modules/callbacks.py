@@ -11,6 +11,8 @@ from typing import Any
 
 import pytorch_lightning as pl
 
+from moveit6d.networks.weights_file import WEIGHTS_NAME
+
 from .pose_action_module import PoseActionModule
 
 
@@ -18,7 +20,7 @@ class WeightsExport(pl.Callback):
     """Writes `weights.safetensors`, ready for `moveit6d track --weights`, every so many steps."""
 
     def __init__(self, folder: Path, every_n_steps: int = 500) -> None:
-        self.path, self.every = Path(folder) / "weights.safetensors", every_n_steps
+        self.path, self.every = Path(folder) / WEIGHTS_NAME, every_n_steps
 
     def on_train_batch_end(
         self, trainer: pl.Trainer, pl_module: pl.LightningModule, *_: Any

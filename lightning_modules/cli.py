@@ -11,18 +11,41 @@ import warnings
 from collections.abc import Sequence
 
 import torch
+from pytorch_lightning.callbacks import ModelCheckpoint
 from pytorch_lightning.cli import LightningArgumentParser, LightningCLI
 
+from .callbacks import FigureLine, WeightsExport
 from .pair_data_module import PairDataModule
 from .pose_action_module import PoseActionModule
 
+EVERY = 250  # steps between checkpoints and between weights files, if nothing else is asked for
+
 
 class FitCLI(LightningCLI):
-    """LightningCLI with the number of threads as an option."""
+    """LightningCLI with the number of threads, and one folder for all that a fit writes."""
 
     def add_arguments_to_parser(self, parser: LightningArgumentParser) -> None:
-        """Add what concerns the process and not a class."""
+        """Add what concerns the process, and the callbacks that every fit has."""
         parser.add_argument("--threads", type=int, default=0, help="CPU threads; 0: torch's choice")
+        parser.add_argument(
+            "--output",
+            type=str,
+            default="runs/fit",
+            help="folder of checkpoints, weights, logs",
+        )
+        callbacks = {"checkpoint": ModelCheckpoint, "export": WeightsExport, "figures": FigureLine}
+        for name, kind in callbacks.items():
+            parser.add_lightning_class_args(kind, name)
+        parser.set_defaults(
+            {
+                "checkpoint.every_n_train_steps": EVERY,
+                "checkpoint.save_last": True,
+                "checkpoint.save_top_k": 0,
+                "export.every_n_steps": EVERY,
+            }
+        )
+        for target in ("checkpoint.dirpath", "export.folder", "trainer.default_root_dir"):
+            parser.link_arguments("output", target)
 
     def before_instantiate_classes(self) -> None:
         """Limit the threads, and settle the memory, before anything is computed."""

@@ -7,7 +7,7 @@ that a fit runs on a fresh machine. With several training processes each has pai
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 from typing import Literal
@@ -20,7 +20,7 @@ from torch.utils.data import DataLoader, Dataset, IterableDataset, get_worker_in
 
 from moveit6d.errors import InputError
 from moveit6d.networks.inference import InferenceNetwork
-from moveit6d.networks.weights_file import load_network
+from moveit6d.networks.weights_file import WEIGHTS_NAME, load_network
 from moveit6d.observation import Observation
 from moveit6d.synthesis.pairs import PairConfig, TrainingBatch
 from moveit6d.synthesis.shards import shard_stream
@@ -32,8 +32,8 @@ class RolloutConfig:
     """Training on the states that the network itself leads to (METHOD 9d).
 
     After each batch of new pictures one more batch shows the same ones after 1 to `cycles` cycles
-    of the network in `weights` (.safetensors), which is read anew whenever it changes; no such file
-    yet, or no cycles, no such batches.
+    of the network in `weights` (.safetensors; None: what this fit itself exports), which is read
+    anew whenever it changes; no such file yet, or no cycles, no such batches.
     """
 
     weights: Path | None = None
@@ -117,7 +117,7 @@ class PairDataModule(pl.LightningDataModule):
         else:
             stream = PairStream(
                 self.source(), self.batch_size, self.renew_every, (self.seed, self._step()),
-                self.rollouts, self._rank() * max(1, self.workers),
+                self._rollouts(), self._rank() * max(1, self.workers),
             )  # fmt: skip
         return DataLoader(
             stream,
@@ -162,6 +162,12 @@ class PairDataModule(pl.LightningDataModule):
         return WrittenStream(
             folder, self.batch_size, self.seed, self._step(), self._rank(), self._processes()
         )
+
+    def _rollouts(self) -> RolloutConfig:
+        if self.rollouts.weights is None and self.trainer:
+            own = Path(self.trainer.default_root_dir) / WEIGHTS_NAME
+            return replace(self.rollouts, weights=own)
+        return self.rollouts
 
     def _step(self) -> int:
         return self.trainer.global_step if self.trainer else 0

@@ -29,12 +29,8 @@ train() { # NAME RATE MATCHING_STEPS CONFIG … -- OPTION …: weights in OUTPUT
     moveit6d fit "${configs[@]}" --threads 1 --data.workers 0 --model.learning_rate "$rate" \
         --model.schedule cosine --model.total_steps "$steps" --model.matching_steps "$matching" \
         --trainer.max_steps "$steps" --trainer.limit_val_batches 0 --trainer.logger false \
-        --trainer.default_root_dir "$output/$name" \
-        --trainer.callbacks "[{class_path: pytorch_lightning.callbacks.ModelCheckpoint, init_args:
-            {dirpath: $output/$name, every_n_train_steps: 50, save_last: true, save_top_k: 0}},
-            {class_path: lightning_modules.callbacks.WeightsExport, init_args:
-            {folder: $output/$name, every_n_steps: 50}},
-            {class_path: lightning_modules.callbacks.FigureLine}]" "${@:2}" >&2
+        --output "$output/$name" --checkpoint.every_n_train_steps 50 --export.every_n_steps 50 \
+        "${@:2}" >&2
     touch "$output/$name/done"
 }
 written() { # NAME RATE PAIRS SEED CONFIG …: trained on pairs that were written
@@ -44,7 +40,7 @@ written() { # NAME RATE PAIRS SEED CONFIG …: trained on pairs that were writte
 drawn() { # NAME CYCLES: as many steps more of `correlation`, on pairs that are drawn as it goes
     train "$1" 5e-4 0 "$correlation" -- --model.init_from "$output/correlation/weights.safetensors" \
         --data.meshes "$meshes" --data.photos "$photos" --data.shapes 40 --data.seed 2 \
-        --data.rollouts.weights "$output/$1/weights.safetensors" --data.rollouts.cycles "$2"
+        --data.rollouts.cycles "$2"
 }
 measure() { # NAME FOLDER [OPTION …]: a row of the table
     local name=$1 weights=$output/$2/weights.safetensors small large

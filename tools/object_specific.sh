@@ -31,12 +31,7 @@ moveit6d write-pairs --config $config --set data.meshes="$output/mesh" \
 moveit6d fit --config $config --threads 1 --data.written "$output/pairs" --data.workers 0 \
     --model.learning_rate "$rate" --model.schedule cosine --model.warmup_steps 100 \
     --model.total_steps "$steps" --trainer.max_steps "$steps" --trainer.limit_val_batches 0 \
-    --trainer.logger false --trainer.accelerator cpu --trainer.default_root_dir "$output" \
-    --trainer.callbacks "[{class_path: pytorch_lightning.callbacks.ModelCheckpoint, init_args:
-        {dirpath: $output, every_n_train_steps: 250, save_last: true, save_top_k: 0}},
-        {class_path: lightning_modules.callbacks.WeightsExport, init_args:
-        {folder: $output, every_n_steps: 250}},
-        {class_path: lightning_modules.callbacks.FigureLine}]" >&2
+    --trainer.logger false --trainer.accelerator cpu --output "$output" >&2
 
 printf '| network | starts | < 5 %% | < 10 %% | median steps |\n|---|---|---|---|---|\n'
 long=(--max_steps 150) # single actions from far away need more than the usual 30

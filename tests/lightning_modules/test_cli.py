@@ -25,12 +25,7 @@ def arguments(folder: Path, steps: int) -> list[str]:
         "--data.shapes=2", "--data.batch_size=4", "--data.workers=0",
         "--data.validation_batches=1", f"--trainer.max_steps={steps}",
         "--trainer.val_check_interval=5", "--model.matching_steps=2",
-        "--trainer.logger.init_args.save_dir", str(folder),
-        "--trainer.callbacks+=lightning_modules.callbacks.WeightsExport",
-        f"--trainer.callbacks.folder={folder}", "--trainer.callbacks.every_n_steps=2",
-        "--trainer.callbacks+=pytorch_lightning.callbacks.ModelCheckpoint",
-        f"--trainer.callbacks.dirpath={folder}", "--trainer.callbacks.every_n_train_steps=2",
-        "--trainer.callbacks.save_last=true", "--trainer.callbacks.save_top_k=0",
+        f"--output={folder}", "--export.every_n_steps=2", "--checkpoint.every_n_train_steps=2",
     ]  # fmt: skip
 
 
@@ -38,9 +33,14 @@ def arguments(folder: Path, steps: int) -> list[str]:
 def test_a_fit_without_any_data_writes_weights(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    main(arguments(tmp_path, 4))
-    loaded = load_network(tmp_path / "weights.safetensors")
+    elsewhere, out = tmp_path / "elsewhere", tmp_path / "out"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    main(arguments(out, 4))
+    assert not list(elsewhere.iterdir()), "everything goes to --output"
+    assert (out / "last.ckpt").is_file()
+    assert list(out.glob("lightning_logs/*/config.yaml"))
+    loaded = load_network(out / "weights.safetensors")
     assert loaded.facts["steps"] == "4" and loaded.facts["kind"] == "correlation"
 
 

@@ -113,9 +113,8 @@ def test_two_processes_train_together_each_on_its_own_pairs(tmp_path: Path) -> N
         "--model.network.init_args.config={channels: [4, 4, 4, 4], hidden: 4}",
         "--data.shapes=1", "--data.workers=0", "--data.batch_size=2", "--data.validation_batches=1",
         "--data.pairs.bank.each_batch=1", f"--data.photos={pictures}",
-        f"--trainer.logger.init_args.save_dir={tmp_path}", "--trainer.callbacks=null",
-        "--trainer.callbacks+=tests.support.recorder.PairRecorder",
-        f"--trainer.callbacks.folder={tmp_path}", "--trainer.enable_checkpointing=false",
+        "--trainer.callbacks=tests.support.recorder.PairRecorder",
+        f"--trainer.callbacks.folder={tmp_path}", f"--output={tmp_path}",
         "--trainer.val_check_interval=2",
     ]  # fmt: skip
     code = "import sys; from lightning_modules.cli import main; main(sys.argv[1:])"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import pytorch_lightning as pl
 import torch
 
 from lightning_modules.pair_data_module import (
@@ -187,6 +188,17 @@ def test_processes_share_written_pairs_and_go_on(written: Path) -> None:
     first, second = counts(0, 0, 4), counts(0, 1, 4)
     assert not set(first) & set(second) and len(set(first + second)) == 8
     assert counts(3, 1, 1) == second[3:]
+
+
+def test_rollouts_are_of_what_the_fit_itself_exports_unless_told_otherwise(tmp_path: Path) -> None:
+    for given, used in ((None, tmp_path / "weights.safetensors"), (Path("other"), Path("other"))):
+        module = PairDataModule(shapes=1, workers=0, rollouts=RolloutConfig(given, 2))
+        module.trainer = pl.Trainer(
+            default_root_dir=tmp_path, accelerator="cpu", logger=False, enable_checkpointing=False
+        )
+        stream = module.train_dataloader().dataset
+        assert isinstance(stream, PairStream)
+        assert stream.rollouts == RolloutConfig(used, 2)
 
 
 def test_written_pairs_and_rollouts_exclude_each_other(written: Path) -> None:

@@ -23,6 +23,7 @@ from .action_net import ActionConfig, ActionNet
 from .correlation import CorrelationConfig, CorrelationNet
 
 FORMAT = "moveit6d-1"
+WEIGHTS_NAME = "weights.safetensors"  # what a fit calls the file in its folder
 _KINDS: dict[str, tuple[type[Any], type[Any]]] = {
     "correlation": (CorrelationNet, CorrelationConfig),
     "action": (ActionNet, ActionConfig),
