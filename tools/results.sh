@@ -107,8 +107,11 @@ reproduce() { # its headings one level down, under ours
 }
 cycle() {
     printf '# Time of one cycle\n\n'
-    plain benchmark cycle
-    plain benchmark cycle --threads 2
+    local threads
+    for threads in 1 2; do
+        plain benchmark cycle --threads "$threads"
+        plain benchmark cycle --threads "$threads" --float32
+    done
 }
 oracle() {
     printf '# Proof of the loop: a policy that knows the truth\n\n'

@@ -165,6 +165,7 @@ def test_resuming_does_only_what_is_not_done_the_same_way(
     assert names == ["easy_00.html", "hard_01.html", "index.html"]
     assert main(again) == 0 and len(calls) == 3
     assert main([*again, "--max_steps", "1"]) == 0 and len(calls) == 9
+    assert main([*again, "--float32"]) == 0 and len(calls) == 15
 
 
 def test_reports_lead_from_the_worst_sequence_to_its_worst_frame(

@@ -307,6 +307,7 @@ class Bench:
             "regions": job.setting.regions,
             "single_actions": job.setting.single_actions,
             "learning": job.setting.learning,
+            "compute": job.setting.compute,
             "protocol": job.protocol.name,
             "first": job.sequence.first,
             "start": [round(n, 9) for n in job.sequence.start.translation.tolist()],

@@ -143,6 +143,7 @@ def _facts(args: argparse.Namespace, policy: Policy, weights: Path | None) -> di
     return {
         **weights_facts(weights),
         "mode": policy.mode.value,
+        "float32": args.float32,
         "renderer": args.renderer,
         "max_steps": args.max_steps,
         "only": sorted(args.only or []),
