@@ -67,3 +67,5 @@ def test_capabilities_that_torch_does_not_list_are_not_there(
 ) -> None:
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"architecture": "aarch64"})
     assert not inference.is_bfloat16_fast()
+    monkeypatch.delattr(torch.cpu, "get_capabilities")  # as in older versions of torch
+    assert not inference.is_bfloat16_fast()

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Callable
-from typing import Literal
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
 
 import torch
 from torch import Tensor, nn
@@ -31,8 +31,9 @@ Compute = Literal["auto", "float32", "bfloat16"]
 
 
 def is_bfloat16_fast() -> bool:
-    """Whether this processor has AMX instructions for bfloat16."""
-    return bool(torch.cpu.get_capabilities().get("amx_bf16", False))
+    """Whether this processor has AMX instructions for bfloat16; no if torch is too old to say."""
+    capabilities: Mapping[str, Any] = getattr(torch.cpu, "get_capabilities", dict)()
+    return bool(capabilities.get("amx_bf16", False))
 
 
 class InferenceNetwork:
