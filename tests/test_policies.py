@@ -12,14 +12,15 @@ from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
 from moveit6d.networks.action_net import ActionNet
 from moveit6d.networks.decision import Decision
-from moveit6d.observation import Observation
+from moveit6d.observation import Observation, turned
 from moveit6d.policies import (
-    MirroredPolicy,
     MoveMode,
     NetworkPolicy,
     OraclePolicy,
     Situation,
+    TurnedPolicy,
     choose_move,
+    turned_counts,
 )
 from tests.support.observations import an_observation
 
@@ -77,43 +78,78 @@ def test_in_a_mirror_the_counts_change_their_signs_as_poses_do() -> None:
     counts = torch.randn(20, 6, generator=generator).double() * 4
     moved = PoseAction.of(counts).apply(pose, diameter)
     other = difference(reflected(pose), reflected(moved), diameter)
-    signs = torch.tensor(MirroredPolicy.SIGNS).double()
+    signs = torch.tensor(TurnedPolicy.SIGNS).double()
     torch.testing.assert_close(other, counts * signs, atol=1e-6, rtol=1e-6)
 
 
+@pytest.mark.parametrize("quarters", [-1, 0, 1, 2, 3])
+def test_under_a_camera_that_rolls_the_counts_turn_as_poses_do(quarters: int) -> None:
+    # A pixel (x, y) comes to (y, -x): the world turns clockwise as x points right and y down.
+    quarter = torch.tensor([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]).double()
+    roll = torch.linalg.matrix_power(quarter, quarters % 4)
+
+    def rolled(pose: Pose) -> Pose:
+        return Pose(roll @ pose.rotation, pose.translation @ roll.T)
+
+    generator = torch.Generator().manual_seed(3)
+    rotation = random_rotations(20, generator).double()
+    place = torch.rand(20, 3, generator=generator).double() * 0.1 + torch.tensor([0, 0, 0.7])
+    diameter = torch.full((20,), 0.15).double()
+    # Straight ahead, where the look-at camera of the rolled pose is the rolled look-at camera.
+    pose = Pose(rotation, torch.stack([0 * place[:, 0], 0 * place[:, 1], place[:, 2]], -1))
+    counts = torch.randn(20, 6, generator=generator).double() * 4
+    moved = PoseAction.of(counts).apply(pose, diameter)
+    other = difference(rolled(pose), rolled(moved), diameter)
+    torch.testing.assert_close(other, turned_counts(counts, quarters), atol=1e-6, rtol=1e-6)
+
+
+@pytest.mark.parametrize("quarters", [1, 2, 3])
+def test_turned_patches_show_what_turned_counts_say(quarters: int) -> None:
+    """A dot at a pixel is at the turned place in the turned patch."""
+    seen = an_observation(1)
+    image = torch.zeros_like(seen.image)
+    image[0, :, 20, 100] = 1.0
+    shown = turned(dataclasses.replace(seen, image=image), quarters)
+    row, column = (int(n) for n in shown.image[0, 0].nonzero()[0])
+    place = torch.tensor([[100 - 63.5, 20 - 63.5, 0, 0, 0, 0]])
+    expected = turned_counts(place, quarters)[0, :2]
+    torch.testing.assert_close(torch.tensor([column - 63.5, row - 63.5]), expected)
+    assert torch.equal(shown.mask, torch.rot90(seen.mask, quarters, (2, 3)))
+    assert torch.equal(shown.distance, seen.distance)
+
+
 class Lopsided:
-    """Sees everything too far to the right in the picture, and the truth by where red is."""
+    """Sees everything too far to the right in the picture it is shown, and where red is."""
 
     mode = MoveMode.ALL_AXES
     crop: Crop = "look_at"
 
     def decide(self, seen: Observation, situation: Situation) -> Decision:
-        columns = seen.image[:, 0].mean(1)
-        middle = (columns * torch.arange(128.0)).sum(1) / columns.sum(1) - 63.5
-        zero = torch.zeros_like(middle)
-        counts = torch.stack([middle + 2.0, zero, zero + 1.0, zero, middle, zero], 1)
-        confidence = (middle > 0).float()
+        red, line = seen.image[:, 0], torch.arange(128.0) - 63.5
+        x = (red * line).sum((1, 2)) / red.sum((1, 2))
+        y = (red * line[:, None]).sum((1, 2)) / red.sum((1, 2))
+        counts = torch.stack([x + 2.0, y, 0 * x + 1.0, -y, x + 1.0, 0 * x], 1)
+        confidence = (x > 0).float()
         return Decision(torch.zeros(len(seen), 13), counts, confidence)
 
 
-def test_what_is_wrong_on_one_side_cancels_in_the_mirror() -> None:
+def test_what_is_wrong_on_one_side_cancels_in_all_ways_to_lay_it() -> None:
     seen = an_observation(2)
     image = torch.zeros_like(seen.image)
-    image[0, :, :, 70], image[1, :, :, 50] = 1.0, 1.0
+    image[0, :, 90, 70], image[1, :, 60, 50] = 1.0, 1.0
     seen = dataclasses.replace(seen, image=image)
     pose = Pose(torch.eye(3).double().expand(2, 3, 3), torch.tensor([[0, 0, 0.7]] * 2).double())
     situation = Situation(pose, torch.ones(2).double(), torch.arange(2))
-    decision = MirroredPolicy(Lopsided()).decide(seen, situation)
+    decision = TurnedPolicy(Lopsided()).decide(seen, situation)
     assert decision.counts is not None
-    torch.testing.assert_close(decision.counts[:, 0], torch.tensor([6.5, -13.5]))
-    torch.testing.assert_close(decision.counts[:, 2], torch.ones(2))
-    torch.testing.assert_close(decision.counts[:, 4], torch.tensor([6.5, -13.5]))
+    expected = [[6.5, 26.5, 1.0, -26.5, 6.5, 0.0], [-13.5, -3.5, 1.0, 3.5, -13.5, 0.0]]
+    torch.testing.assert_close(decision.counts, torch.tensor(expected))
     torch.testing.assert_close(decision.confidence, torch.full((2,), 0.5))
 
 
-def test_single_actions_are_not_mirrored() -> None:
+def test_single_actions_are_not_turned() -> None:
     policy = NetworkPolicy(ActionNet())
     pose = Pose(torch.eye(3).double()[None], torch.tensor([[0, 0, 0.7]]).double())
     situation = Situation(pose, torch.ones(1).double(), torch.arange(1))
-    decision = MirroredPolicy(policy).decide(an_observation(1), situation)
+    decision = TurnedPolicy(policy).decide(an_observation(1), situation)
     assert decision.counts is None

@@ -52,6 +52,18 @@ def mirrored(seen: Observation) -> Observation:
     return Observation(image, rendering, seen.depth.flip(3), seen.mask.flip(3), seen.distance)
 
 
+def turned(seen: Observation, quarters: int) -> Observation:
+    """The same patches turned by quarters, counterclockwise, as if the camera rolled the other way.
+
+    A pixel (x, y) from the patch's middle comes to (y, −x) with each.
+    """
+    image, rendering, depth, mask = (
+        torch.rot90(part, quarters, (2, 3))
+        for part in (seen.image, seen.rendering, seen.depth, seen.mask)
+    )
+    return Observation(image, rendering, depth, mask, seen.distance)
+
+
 def observe(patches: Tensor, gbuffer: GBuffer, view: View, sphere_diameter: Tensor) -> Observation:
     """Put together what the policy sees.
 

@@ -5,6 +5,7 @@ Never renders and never applies a move.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -23,7 +24,7 @@ from .networks.correlation import CorrelationNet
 from .networks.decision import Decision
 from .networks.inference import Compute, InferenceNetwork
 from .networks.weights_file import load_network
-from .observation import Observation, mirrored
+from .observation import Observation, mirrored, turned
 
 SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "multi_object.safetensors"
 
@@ -101,11 +102,11 @@ class NetworkPolicy:
         return self.network(seen)
 
 
-class MirroredPolicy:
-    """Asks another policy about what is seen and about its mirror image too, and takes the mean.
+class TurnedPolicy:
+    """Asks another policy about what is seen laid in all eight ways, and takes the mean.
 
-    What it gets wrong is not the same in both. Scores of single actions and the attention are those
-    of what is seen.
+    By quarter turns, and each of them in the mirror: what it gets wrong is not the same in all.
+    Scores of single actions and the attention are those of what is seen.
     """
 
     # Of the six counts where right and left change places: shifts along x and turns about y and z.
@@ -115,14 +116,28 @@ class MirroredPolicy:
         self.policy, self.mode, self.crop = policy, policy.mode, policy.crop
 
     def decide(self, seen: Observation, situation: Situation) -> Decision:
-        """The mean of both decisions."""
+        """The mean of the eight decisions."""
         decision = self.policy.decide(seen, situation)
-        other = self.policy.decide(mirrored(seen), situation)
-        if decision.counts is None or other.counts is None:
+        if decision.counts is None:
             return decision
-        counts = (decision.counts + other.counts * torch.tensor(self.SIGNS)) / 2
-        confidence = (decision.confidence + other.confidence) / 2
+        every = [decision]
+        for quarters, mirror in itertools.islice(itertools.product(range(4), (False, True)), 1, 8):
+            shown = turned(seen, quarters)
+            other = self.policy.decide(mirrored(shown) if mirror else shown, situation)
+            assert other.counts is not None
+            counts = other.counts * torch.tensor(self.SIGNS) if mirror else other.counts
+            every.append(replace(other, counts=turned_counts(counts, -quarters)))
+        counts = torch.stack([one.counts for one in every if one.counts is not None]).mean(0)
+        confidence = torch.stack([one.confidence for one in every]).mean(0)
         return replace(decision, counts=counts, confidence=confidence)
+
+
+def turned_counts(counts: Tensor, quarters: int) -> Tensor:
+    """The counts (B, 6) of a move in a picture that is turned as `turned` does."""
+    for _ in range(quarters % 4):
+        x, y, z, about_x, about_y, about_z = counts.unbind(-1)
+        counts = torch.stack([y, -x, z, about_y, -about_x, about_z], -1)
+    return counts
 
 
 class OraclePolicy:

@@ -12,7 +12,7 @@ from typing import Any
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..policies import MirroredPolicy, MoveMode, Policy, load_policy
+from ..policies import MoveMode, Policy, TurnedPolicy, load_policy
 from ..rendering.renderer import Renderer, make_renderer
 from .frame import prepare_frame
 from .last_word import last_word
@@ -67,8 +67,8 @@ def refine_single(
 ) -> list[TrackingResult]:  # fmt: skip
     """`PoseEstimator.refine` for many targets at once, of any objects and images.
 
-    Where the loop ends, a policy of all axes has one more close look, at the mirror image as well:
-    a video has other frames to average over, a single image has not.
+    Where the loop ends, a policy of all axes has one more close look, at the picture laid in all
+    ways (`TurnedPolicy`): a video has other frames to average over, a single image has not.
     """
     refine = refine_or_search if search else refine_batch
     results = refine(targets, policy=policy, renderer=renderer, max_steps=max_steps)
@@ -93,7 +93,7 @@ def _look_again(
         if result.pose is not None
     ]
     again = refine_batch(
-        [end for _, end in ends], policy=MirroredPolicy(policy), renderer=renderer, max_steps=1
+        [end for _, end in ends], policy=TurnedPolicy(policy), renderer=renderer, max_steps=1
     )
     for (i, _), look in zip(ends, again, strict=True):
         if look.pose is not None:
