@@ -22,7 +22,8 @@ write() { # FOLDER [CONFIG …]: the pairs that every network of a group is give
         --seed 0 >&2
 }
 train() { # NAME RATE MATCHING_STEPS CONFIG … -- OPTION …: weights in OUTPUT/NAME
-    local name=$1 rate=$2 matching=$3 configs=()
+    local name=$1 rate=$2 matching=$3 configs=() sizes=()
+    [ "$name" = paper ] || sizes=(--model.network.init_args.config.deeper '[0, 0, 0]')
     shift 3
     [ -e "$output/$name/done" ] && return
     while [ "$1" != -- ]; do configs+=(--config "$1") && shift; done
@@ -30,7 +31,7 @@ train() { # NAME RATE MATCHING_STEPS CONFIG … -- OPTION …: weights in OUTPUT
         --model.schedule cosine --model.total_steps "$steps" --model.matching_steps "$matching" \
         --trainer.max_steps "$steps" --trainer.limit_val_batches 0 --trainer.logger false \
         --output "$output/$name" --checkpoint.every_n_train_steps 50 --export.every_n_steps 50 \
-        "${@:2}" >&2
+        "${sizes[@]}" "${@:2}" >&2
     touch "$output/$name/done"
 }
 written() { # NAME RATE PAIRS SEED CONFIG …: trained on pairs that were written

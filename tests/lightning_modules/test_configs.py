@@ -29,7 +29,10 @@ OVERLAYS = sorted((CONFIGS / "overlay").glob("*.yaml"))
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("path", FITS, ids=lambda path: path.stem)
 def test_every_configuration_is_read_with_every_overlay(path: Path) -> None:
-    data = read_data([f"--config={one}" for one in (path, *OVERLAYS)])
+    overlays = OVERLAYS
+    if path.stem == "my_object":  # the network is that of its weights file
+        overlays = [one for one in OVERLAYS if one.stem not in ("no_depth", "axis_parallel")]
+    data = read_data([f"--config={one}" for one in (path, *overlays)])
     assert data.batch_size == 16 and data.workers == 8, "ddp.yaml's and gpu.yaml's"
     if path.stem in ("object_specific", "multi_object"):
         axis = dataclasses.replace(preset("paper"), crop="axis_parallel")

@@ -39,7 +39,7 @@ _HEAD_SCALE = 3.0  # counts that an output of 1 of the head stands for
 
 @dataclass(frozen=True)
 class CorrelationConfig:
-    """Sizes of a `CorrelationNet`; the defaults are the shipped network's."""
+    """Sizes of a `CorrelationNet`; the shipped network's but for `deeper`, there (1, 2, 1)."""
 
     channels: tuple[int, int, int] = (24, 32, 64)  # encoder at strides 2, 4, 8
     geometry: tuple[int, int, int] = (12, 24, 32)  # the rendering's own encoder
@@ -70,7 +70,7 @@ class CorrelationOutput:
 
 
 class CorrelationNet(nn.Module):
-    """Observation → decision; about 0.3 M parameters with the default sizes."""
+    """Observation → decision; 0.35 M parameters with the default sizes, 0.6 M as shipped."""
 
     offsets: Tensor
     coarse_index: Tensor
