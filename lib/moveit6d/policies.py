@@ -166,7 +166,7 @@ def load_policy(
 
     `compute` are the numbers of its convolutions: `auto` takes bfloat16 where the processor has
     AMX instructions, which is faster and moves poses by hundredths of a count; with `float32` they
-    are the same on every machine.
+    are what they are on machines without.
     """
     loaded = load_network(SHIPPED_WEIGHTS if path is None else Path(path))
     name = "shipped multi-object model" if path is None else Path(path).name

@@ -115,7 +115,7 @@ def add_machine_options(group: Any) -> None:
     group.add_argument(
         "--float32",
         action="store_true",
-        help="no bfloat16 convolutions where the processor has AMX: the same poses on all machines",
+        help="convolutions in float32 also where the processor has AMX: slower, as elsewhere",
     )
 
 
