@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import reduce
 from typing import Literal
 
 import torch
@@ -137,8 +138,8 @@ def crop_patch(image: Tensor, view: View, intrinsics: Tensor) -> Tensor:
     window = window.to(torch.float32)
     if factor > 1:
         # Sums of slices: ten times faster here than torch's pooling.
-        window = sum(window[..., k::factor, :] for k in range(factor))  # type: ignore[assignment]
-        window = sum(window[..., k::factor] for k in range(factor))  # type: ignore[assignment]
+        window = reduce(torch.add, [window[..., k::factor, :] for k in range(factor)])
+        window = reduce(torch.add, [window[..., k::factor] for k in range(factor)])
     # Half-pixel rule: the first block's centre is (factor − 1) / 2 pixels into the window.
     offset = back.new_tensor([left + (factor - 1) / 2, top + (factor - 1) / 2])
     moved = back.clone()

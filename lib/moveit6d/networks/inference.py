@@ -19,6 +19,7 @@ from ..observation import Observation
 from .action_net import ActionNet
 from .correlation import CorrelationNet
 from .decision import Decision
+from .narrow import Narrow
 
 # Batches up to this size are traced, one trace a size; in larger ones Python's share is small.
 TRACED = 4
@@ -91,24 +92,13 @@ class _Plain(nn.Module):
         return parts if decision.counts is None else (*parts, decision.counts)
 
 
-class _Narrow(nn.Module):
-    """Convolutions in bfloat16 between maps of float32."""
-
-    def __init__(self, convolutions: nn.Module) -> None:
-        super().__init__()
-        self.convolutions = convolutions.to(torch.bfloat16)
-
-    def forward(self, features: Tensor) -> Tensor:
-        narrow: Tensor = self.convolutions(features.to(torch.bfloat16))
-        return narrow.float()
-
-
 def _narrow(network: nn.Module) -> None:
-    """Replace the chains of convolutions; single ones, which give the answers, stay exact."""
+    """Replace the chains of convolutions, and single ones but of 1 × 1, which take no time."""
     for name, part in network.named_children():
         kinds = {type(module) for module in part.modules()}
-        if isinstance(part, nn.Sequential) and nn.Conv2d in kinds and nn.Linear not in kinds:
-            setattr(network, name, _Narrow(part))
+        is_chain = isinstance(part, nn.Sequential) and nn.Conv2d in kinds and nn.Linear not in kinds
+        if is_chain or (isinstance(part, nn.Conv2d) and part.kernel_size != (1, 1)):
+            setattr(network, name, Narrow(part))
 
 
 def _folded(network: CorrelationNet | ActionNet) -> CorrelationNet | ActionNet:

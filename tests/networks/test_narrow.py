@@ -1,0 +1,66 @@
+"""Chains of convolutions in bfloat16, packed or not, answer as plain ones do."""
+
+import copy
+
+import pytest
+import torch
+from torch import nn
+from torch.nn.utils.fusion import fuse_conv_bn_eval
+
+from moveit6d.networks import narrow
+from moveit6d.networks.blocks import Residual, conv_block, deepened
+from moveit6d.networks.narrow import Narrow
+
+
+def _folded(chain: nn.Sequential) -> nn.Sequential:
+    """The chain with batch normalisation of non-trivial statistics folded in."""
+    with torch.no_grad():
+        for module in chain.modules():
+            if isinstance(module, nn.BatchNorm2d):
+                module.running_mean.normal_()
+                module.running_var.uniform_(0.5, 2.0)
+                module.weight.normal_()
+                module.bias.normal_()
+    chain.eval().requires_grad_(False)
+    for module in chain.modules():
+        if isinstance(module, nn.Sequential):
+            for i in range(len(module) - 1):
+                if isinstance(module[i + 1], nn.BatchNorm2d):
+                    module[i] = fuse_conv_bn_eval(module[i], module[i + 1])
+                    module[i + 1] = nn.Identity()
+    return chain
+
+
+def _chain() -> nn.Sequential:
+    torch.manual_seed(0)
+    return _folded(
+        deepened([conv_block(5, 12, 2, 5), Residual(12)], 12, 1, [nn.Conv2d(12, 8, 1, bias=False)])
+    )
+
+
+@pytest.mark.parametrize("can_pack", [True, False])
+def test_a_narrow_chain_answers_within_its_digits(
+    can_pack: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if can_pack and not narrow._can_pack():
+        pytest.skip("this processor or torch cannot compute with packed bfloat16")
+    monkeypatch.setattr(narrow, "_can_pack", lambda: can_pack)
+    chain = _chain()
+    fast = Narrow(copy.deepcopy(chain)).eval()
+    packed = [m for m in fast.modules() if isinstance(m, narrow._Packed)]
+    # Stem, the residual's two, two more of `deepened`, and the 1 × 1 at the end.
+    assert len(packed) == (6 if can_pack else 0)
+    features = torch.randn(2, 5, 32, 32)
+    wanted = chain(features)
+    for run in (fast, torch.jit.freeze(torch.jit.trace(fast, features, check_trace=False))):
+        found = run(features)
+        assert found.dtype is torch.float32
+        assert float((found - wanted).abs().mean()) < 0.01 * float(wanted.abs().mean())
+
+
+def test_torch_without_the_operators_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Nothing:
+        pass
+
+    monkeypatch.setattr(torch.ops, "mkldnn", Nothing())
+    assert not narrow._can_pack()
