@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Measure the shipped model on the evaluation data and write docs/results/ anew.
 #
-#   tools/results.sh SHARED [sequences|videos|images|rendered|options|stand_ins|cycle|oracle ...]
+#   tools/results.sh SHARED [sequences|videos|images|rendered|options|single_actions|no_depth|
+#                            stand_ins|cycle|oracle ...]
 #
 # SHARED holds bench/ and data/ (see docs/results/README.md). Without names, all of them: about an
 # hour on two cores. Nothing of this data is used for training.
@@ -81,6 +82,28 @@ options() {
     run benchmark tracking --sequences "$shared/bench/sequences" --no_learning
     run benchmark tracking --sequences "$shared/bench/sequences" --no_learning --no_regions
 }
+single_actions() {
+    local data=$shared/data/real/lmo_dev start
+    local mode=(--single_actions --no_regions)
+    printf '# The paper'"'"'s policy: one of 13 actions a cycle\n\nThe shipped network without what goes '
+    printf 'past the paper: outline, search, and what the first frame teaches.\n\n'
+    run benchmark tracking --sequences "$shared/bench/sequences" "${mode[@]}" --no_learning --jobs 2
+    run benchmark tracking --sequences "$shared/data/real" "${mode[@]}" --no_learning --jobs 2
+    for start in small large keypoint_rgb; do
+        run refine --dataset "$data" --split test --initial "$data/initial_$start.csv" \
+            --output "$work/$start.csv" "${mode[@]}" --jobs 2
+        run evaluate bop --dataset "$data" --split test --results "$work/$start.csv"
+    done
+}
+no_depth() {
+    local weights=(--weights examples/no_depth/multi_object.safetensors) start
+    printf '# The paper'"'"'s ablation: a network that is not shown depth\n\n'
+    for start in "all_small 0" "all_large 0" "all_large 1"; do
+        one_rendered "$start" "${weights[@]}"
+    done
+    run benchmark tracking --sequences "$shared/bench/sequences" "${weights[@]}" --jobs 2
+    run benchmark tracking --sequences "$shared/data/real" "${weights[@]}" --jobs 2
+}
 stand_ins() {
     local objects=$shared/data/dev_objects dino=gso_dino_figure_occlusion_0 boot=gso_boot_occlusion_0
     printf '# The paper'"'"'s tables and figures on stand-ins\n\n'
@@ -119,7 +142,7 @@ oracle() {
     plain benchmark oracle --starts 100 --renderer pyrender  # software OpenGL is slow
 }
 
-for name in "${@:-sequences videos images rendered options stand_ins cycle oracle}"; do
+for name in "${@:-sequences videos images rendered options single_actions no_depth stand_ins cycle oracle}"; do
     for section in $name; do
         "$section" >"$work/$section.md"
         mv "$work/$section.md" "docs/results/$section.md"

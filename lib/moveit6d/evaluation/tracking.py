@@ -7,7 +7,7 @@ diameter before it is averaged.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -69,7 +69,7 @@ class Score:
     """Figures of one sequence. Shares are of 1, lengths in metres.
 
     `until_lost` counts frames from the start, frames + 1 for a track that is never lost;
-    `milliseconds` is the median frame's, None if nobody measured.
+    `milliseconds` and `steps`, cycles of the loop, are the median frame's, None if nobody counted.
     """
 
     frames: int
@@ -82,6 +82,7 @@ class Score:
     resets: int
     milliseconds: float | None
     missing: int
+    steps: float | None = None
 
     @property
     def never_lost(self) -> bool:
@@ -120,6 +121,7 @@ def score(found: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: Surf
     near = [error.translation < 0.05 and error.rotation < 5 for error in errors]
     rows = [found[error.frame] for error in errors if error.frame in found]
     times = [row.milliseconds for row in rows if row.milliseconds is not None]
+    steps = [row.steps for row in rows if row.steps is not None]
     cut = add.clamp_max(surface.diameter)
     limit = metrics.ADD_LIMIT * surface.diameter
     return Score(
@@ -133,6 +135,7 @@ def score(found: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: Surf
         resets=sum(row.reset for row in rows),
         milliseconds=float(np.median(times)) if times else None,
         missing=int(torch.isinf(add).sum()),
+        steps=float(np.median(steps)) if steps else None,
     )
 
 
@@ -146,30 +149,30 @@ def tracking_table(
 ) -> str:
     """Markdown table of sequences' scores by level, and of all together.
 
-    `levels` gives each sequence's level. Figures are means over sequences, but for the median ADD,
-    which is the median of the sequences' medians.
+    `levels` gives each sequence's level. Figures are means over sequences, but for the median ADD
+    and the steps, which are the median of the sequences' medians.
     """
     groups = _groups(scores, levels)
-    resets = any(score.resets for score in scores.values())
+    columns = _Columns.of(scores.values())
     rows = []
     for level, members in groups.items():
-        rows.append([level, *_figures(list(members.values()), resets)])
+        rows.append([level, *columns.cells(list(members.values()))])
         if per_sequence and level != "all" and list(members) != [level]:
-            rows += [[f"  {name}", *_figures([one], resets)] for name, one in members.items()]
-    return markdown(["level", *_head(resets)], rows)
+            rows += [[f"  {name}", *columns.cells([one])] for name, one in members.items()]
+    return markdown(["level", *columns.head], rows)
 
 
 def comparison_table(trackers: Mapping[str, Mapping[str, Score]], levels: Mapping[str, str]) -> str:
     """Markdown table of several trackers, level by level, in the order given."""
-    resets = any(one.resets for scores in trackers.values() for one in scores.values())
+    columns = _Columns.of(one for scores in trackers.values() for one in scores.values())
     groups = {name: _groups(scores, levels) for name, scores in trackers.items()}
     order = dict.fromkeys(level for found in groups.values() for level in found)
     rows = []
     for level in sorted(order, key=_rank):
         for name, found in groups.items():
             if level in found:
-                rows.append([level, name, *_figures(list(found[level].values()), resets)])
-    return markdown(["level", "tracker", *_head(resets)], rows)
+                rows.append([level, name, *columns.cells(list(found[level].values()))])
+    return markdown(["level", "tracker", *columns.head], rows)
 
 
 def _groups(scores: Mapping[str, Score], levels: Mapping[str, str]) -> dict[str, dict[str, Score]]:
@@ -188,23 +191,39 @@ def _rank(level: str) -> tuple[int, str]:
     return LEVELS.index(level) if level in LEVELS else len(LEVELS), level
 
 
-def _head(resets: bool) -> list[str]:
-    head = ["sequences", "ADD<10%d", "ADD<5%d", "mean ADD mm", "median ADD mm",
-            "frames until lost", "never lost", "5cm/5deg"]  # fmt: skip
-    return [*head, *["resets"] * resets, "ms/frame"]
+@dataclass(frozen=True)
+class _Columns:
+    """The columns of a table: those of resets and steps are there if a score has any."""
 
+    resets: bool
+    steps: bool
 
-def _figures(scores: Sequence[Score], resets: bool) -> list[str]:
-    times = [score.milliseconds for score in scores if score.milliseconds is not None]
-    cells = [
-        str(len(scores)),
-        percent(float(np.mean([score.below_10 for score in scores]))),
-        percent(float(np.mean([score.below_5 for score in scores]))),
-        f"{1000 * float(np.mean([score.mean_add for score in scores])):.1f}",
-        f"{1000 * float(np.median([score.median_add for score in scores])):.1f}",
-        f"{float(np.mean([score.until_lost for score in scores])):.0f}",
-        f"{sum(score.never_lost for score in scores)}/{len(scores)}",
-        percent(float(np.mean([score.within_5cm_5deg for score in scores]))),
-    ]
-    cells += [str(sum(score.resets for score in scores))] * resets
-    return [*cells, f"{np.mean(times):.1f}" if times else "-"]
+    @staticmethod
+    def of(scores: Iterable[Score]) -> _Columns:
+        known = list(scores)
+        return _Columns(
+            any(score.resets for score in known), any(score.steps is not None for score in known)
+        )
+
+    @property
+    def head(self) -> list[str]:
+        head = ["sequences", "ADD<10%d", "ADD<5%d", "mean ADD mm", "median ADD mm",
+                "frames until lost", "never lost", "5cm/5deg"]  # fmt: skip
+        return [*head, *["resets"] * self.resets, *["steps"] * self.steps, "ms/frame"]
+
+    def cells(self, scores: Sequence[Score]) -> list[str]:
+        times = [score.milliseconds for score in scores if score.milliseconds is not None]
+        steps = [score.steps for score in scores if score.steps is not None]
+        cells = [
+            str(len(scores)),
+            percent(float(np.mean([score.below_10 for score in scores]))),
+            percent(float(np.mean([score.below_5 for score in scores]))),
+            f"{1000 * float(np.mean([score.mean_add for score in scores])):.1f}",
+            f"{1000 * float(np.median([score.median_add for score in scores])):.1f}",
+            f"{float(np.mean([score.until_lost for score in scores])):.0f}",
+            f"{sum(score.never_lost for score in scores)}/{len(scores)}",
+            percent(float(np.mean([score.within_5cm_5deg for score in scores]))),
+        ]
+        cells += [str(sum(score.resets for score in scores))] * self.resets
+        cells += [f"{np.median(steps):g}" if steps else "-"] * self.steps
+        return [*cells, f"{np.mean(times):.1f}" if times else "-"]
