@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +18,15 @@ from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3, log_so3
+from moveit6d.networks.action_net import ActionNet
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
-from moveit6d.networks.weights_file import save_network
+from moveit6d.networks.inference import InferenceNetwork
+from moveit6d.networks.weights_file import load_network, save_network
 from moveit6d.synthesis.levels import Level
 from moveit6d.synthesis.primitives import box
 from moveit6d.synthesis.sequence import Scene, write_sequence
 from moveit6d.synthesis.textures import paint, random_palette
+from tests.support.observations import an_observation
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SIDE = 0.084
@@ -278,6 +281,23 @@ def test_own_renderer_agrees_with_embree(
     assert (one.normal * two.normal).sum(1, keepdim=True)[both].median() > 0.99
     my_own_renderer.main(["--mesh", str(brick_file), "--frames", "2", "--weights", str(weights)])
     assert "points: mean error" in capsys.readouterr().out
+
+
+WEIGHTS = sorted(EXAMPLES.glob("*/*.safetensors"))
+
+
+@pytest.mark.parametrize("weights", WEIGHTS, ids=lambda path: path.stem)
+def test_weights_of_examples_are_what_their_folder_says(weights: Path) -> None:
+    network = load_network(weights).network
+    alone = weights.parent.name == "object_specific"
+    assert isinstance(network, ActionNet if alone else CorrelationNet)
+    seen = an_observation(2)
+    flat = replace(seen, depth=torch.zeros_like(seen.depth))
+    decide = InferenceNetwork(network, compute="float32")
+    # Whether the rendering's depth changes what it says.
+    assert torch.equal(decide(seen).logits, decide(flat).logits) is (
+        weights.parent.name == "no_depth"
+    )
 
 
 NAMES = sorted(path.name for path in EXAMPLES.glob("*.py") if path.stem != "classical_reference")
