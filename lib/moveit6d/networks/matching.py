@@ -47,9 +47,8 @@ def correlate_blocks(render: Tensor, image: Tensor, index: Tensor, radius: int) 
     cells = render.reshape(batch, channels, blocks, BLOCK, blocks, BLOCK)
     cells = cells.permute(0, 2, 4, 3, 5, 1).reshape(-1, BLOCK * BLOCK, channels)
     windows = functional.pad(image, [radius] * 4).unfold(2, width, BLOCK).unfold(3, width, BLOCK)
-    # Channels last, as they lie in memory: a third of the time of copying them otherwise.
-    windows = windows.permute(0, 2, 3, 4, 5, 1).reshape(-1, width * width, channels)
-    products = (cells @ windows.mT).gather(2, index[None].expand(len(cells), -1, -1))
+    windows = windows.permute(0, 2, 3, 1, 4, 5).reshape(-1, channels, width * width)
+    products = (cells @ windows).gather(2, index[None].expand(len(cells), -1, -1))
     products = products.reshape(batch, blocks, blocks, BLOCK, BLOCK, -1)
     return products.transpose(2, 3).reshape(batch, n, n, -1).permute(0, 3, 1, 2)
 
