@@ -5,37 +5,26 @@ import copy
 import pytest
 import torch
 from torch import nn
-from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from moveit6d.networks import narrow
 from moveit6d.networks.blocks import Residual, conv_block, deepened
+from moveit6d.networks.inference import folded
 from moveit6d.networks.narrow import Narrow
 
 
-def _folded(chain: nn.Sequential) -> nn.Sequential:
-    """The chain with batch normalisation of non-trivial statistics folded in."""
-    with torch.no_grad():
-        for module in chain.modules():
-            if isinstance(module, nn.BatchNorm2d):
-                module.running_mean.normal_()
-                module.running_var.uniform_(0.5, 2.0)
-                module.weight.normal_()
-                module.bias.normal_()
-    chain.eval().requires_grad_(False)
-    for module in chain.modules():
-        if isinstance(module, nn.Sequential):
-            for i in range(len(module) - 1):
-                if isinstance(module[i + 1], nn.BatchNorm2d):
-                    module[i] = fuse_conv_bn_eval(module[i], module[i + 1])
-                    module[i + 1] = nn.Identity()
-    return chain
-
-
 def _chain() -> nn.Sequential:
+    """A chain with batch normalisation of non-trivial statistics folded in."""
     torch.manual_seed(0)
-    return _folded(
-        deepened([conv_block(5, 12, 2, 5), Residual(12)], 12, 1, [nn.Conv2d(12, 8, 1, bias=False)])
+    chain = deepened(
+        [conv_block(5, 12, 2, 5), Residual(12)], 12, 1, [nn.Conv2d(12, 8, 1, bias=False)]
     )
+    for module in chain.modules():
+        if isinstance(module, nn.BatchNorm2d):
+            nn.init.normal_(module.weight)
+            nn.init.normal_(module.bias)
+            nn.init.normal_(module.running_mean)
+            nn.init.uniform_(module.running_var, 0.5, 2.0)
+    return folded(chain)
 
 
 @pytest.mark.parametrize("can_pack", [True, False])

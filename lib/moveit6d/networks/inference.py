@@ -8,7 +8,7 @@ from __future__ import annotations
 import copy
 import warnings
 from collections.abc import Callable, Mapping
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import torch
 from torch import Tensor, nn
@@ -25,6 +25,7 @@ from .narrow import Narrow
 TRACED = 4
 
 Answer = tuple[Tensor, ...]
+Network = TypeVar("Network", bound=nn.Module)
 
 # The numbers that convolutions compute with. Those with 8 instead of 24 bits take a third of the
 # time where the processor multiplies matrices of them (AMX), and longer where it does not.
@@ -46,11 +47,11 @@ class InferenceNetwork:
     """
 
     def __init__(self, network: CorrelationNet | ActionNet, compute: Compute = "auto") -> None:
-        folded = _folded(network)
+        network = folded(network)
         self.is_narrow = compute == "bfloat16" or (compute == "auto" and is_bfloat16_fast())
         if self.is_narrow:
-            _narrow(folded)
-        self.folded = _Plain(folded).eval()
+            _narrow(network)
+        self.folded = _Plain(network).eval()
         self._traces: dict[int, Callable[..., Answer]] = {}
 
     @torch.inference_mode()
@@ -101,7 +102,7 @@ def _narrow(network: nn.Module) -> None:
             setattr(network, name, Narrow(part))
 
 
-def _folded(network: CorrelationNet | ActionNet) -> CorrelationNet | ActionNet:
+def folded(network: Network) -> Network:
     """A copy in evaluation mode with batch normalisation folded into the convolutions."""
     network = copy.deepcopy(network).eval().requires_grad_(False)
     for module in network.modules():
