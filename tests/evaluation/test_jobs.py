@@ -62,6 +62,13 @@ def test_results_may_hold_more_tensors_than_open_files() -> None:
     torch.testing.assert_close(found[0].result[599], torch.full((3,), 599.0))
 
 
+def test_workers_that_have_nothing_left_to_do_end_by_themselves(tmp_path: Path) -> None:
+    # Killed ones would leave their locks to Python, which complains of them.
+    marks = [tmp_path / "first", tmp_path / "second"]
+    assert len(list(run_jobs(tasks.goodbye, marks, jobs=2))) == 2
+    assert all(mark.exists() for mark in marks)
+
+
 def test_ray_is_named_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 from pathlib import Path
@@ -37,3 +38,8 @@ def square_or_die(item: tuple[int, Path, int]) -> int:
             mark.touch()
             os.kill(os.getpid(), signal.SIGKILL)
     return number * number
+
+
+def goodbye(path: Path) -> None:
+    """Leaves the file when its process ends by itself."""
+    atexit.register(path.touch)

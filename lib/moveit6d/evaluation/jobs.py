@@ -25,6 +25,8 @@ from ..errors import InputError
 # memory, a machine that went away), two are the task's own doing.
 RETRIES = 1
 
+PATIENCE = 10.0  # seconds in which a worker that has nothing to do must have ended
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 Work = Callable[[Item], Result]
@@ -108,8 +110,10 @@ def _beside(
                 else:
                     yield Outcome(index, error=_died(tries[index]))
     finally:
-        for worker in [*idle, *(worker for worker, _ in busy.values())]:
+        for worker, _ in busy.values():
             worker.end()
+        for worker in idle:
+            worker.leave()
 
 
 class _Worker:
@@ -140,6 +144,12 @@ class _Worker:
             raise RuntimeError(f"a worker failed:\n{found}")
         assert isinstance(found, Outcome)
         return found
+
+    def leave(self) -> None:
+        """Let it end by itself, so that it gives back its locks; stop it if it does not."""
+        self.pipe.close()
+        self.process.join(PATIENCE)
+        self.end()
 
     def end(self) -> None:
         """Stop it at once."""
