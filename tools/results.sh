@@ -116,7 +116,8 @@ stand_ins() {
         "$objects/gso_scissors_red.glb" --photos "$shared/data/dev_photos"
     reproduce ycb_add --data "$work/ycbv" --output "$work/ycb"
     reproduce ycb_auc --data "$work/ycbv" --output "$work/ycb"
-    reproduce laval --data "$work/laval" --output "$work/out"
+    reproduce laval --data "$work/laval" --output "$work/out" \
+        --no_depth_weights examples/no_depth/multi_object.safetensors
     reproduce convergence --data "$work/laval" --only "$dino" --frames 5 --output "$work/out"
     reproduce attention --data "$work/laval" --output "$work/out"
     reproduce detection --data "$work/laval" --only "$dino" "$boot" --frames 1 --rotations 30 \
