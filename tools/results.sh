@@ -2,7 +2,7 @@
 # Measure the shipped model on the evaluation data and write docs/results/ anew.
 #
 #   tools/results.sh SHARED [sequences|videos|images|rendered|options|single_actions|no_depth|
-#                            stand_ins|cycle|oracle ...]
+#                            paper_network|stand_ins|cycle|oracle ...]
 #
 # SHARED holds bench/ and data/ (see docs/results/README.md). Without names, all of them: about an
 # hour on two cores. Nothing of this data is used for training.
@@ -104,6 +104,15 @@ no_depth() {
     run benchmark tracking --sequences "$shared/bench/sequences" "${weights[@]}" --jobs 2
     run benchmark tracking --sequences "$shared/data/real" "${weights[@]}" --jobs 2
 }
+paper_network() {
+    local weights=(--weights examples/paper_network/multi_object.safetensors) start
+    printf '# The paper'"'"'s own network on many objects\n\n'
+    for start in "one_large 0" "all_small 0" "all_large 0"; do
+        one_rendered "$start" "${weights[@]}" --no_regions --max_steps 150
+    done
+    run benchmark tracking --sequences "$shared/bench/sequences" "${weights[@]}" --no_regions \
+        --no_learning --jobs 2
+}
 stand_ins() {
     local objects=$shared/data/dev_objects dino=gso_dino_figure_occlusion_0 boot=gso_boot_occlusion_0
     printf '# The paper'"'"'s tables and figures on stand-ins\n\n'
@@ -143,7 +152,7 @@ oracle() {
     plain benchmark oracle --starts 100 --renderer pyrender  # software OpenGL is slow
 }
 
-for name in "${@:-sequences videos images rendered options single_actions no_depth stand_ins cycle oracle}"; do
+for name in "${@:-sequences videos images rendered options single_actions no_depth paper_network stand_ins cycle oracle}"; do
     for section in $name; do
         "$section" >"$work/$section.md"
         mv "$work/$section.md" "docs/results/$section.md"
