@@ -59,11 +59,18 @@ contrast() { # whether these poses or the true ones fit the pictures better
     printf '\n'
 }
 rendered() {
-    local start
     printf '# Rendered objects that were never trained on\n\n'
+    all_rendered
+}
+all_rendered() { # [OPTION …]
+    local start
     for start in "all_small 0" "all_large 0" "all_large 1"; do
-        one_rendered "$start"
+        one_rendered "$start" "$@"
     done
+}
+both_tracked() { # OPTION …: made and real sequences, without rivals
+    run benchmark tracking --sequences "$shared/bench/sequences" "$@" --jobs 2
+    run benchmark tracking --sequences "$shared/data/real" "$@" --jobs 2
 }
 one_rendered() { # "CLUSTER COVERED" and further options
     plain benchmark rendered --objects "$shared/data/dev_objects" \
@@ -87,8 +94,7 @@ single_actions() {
     local mode=(--single_actions --no_regions)
     printf '# The paper'"'"'s policy: one of 13 actions a cycle\n\nThe shipped network without what goes '
     printf 'past the paper: outline, search, and what the first frame teaches.\n\n'
-    run benchmark tracking --sequences "$shared/bench/sequences" "${mode[@]}" --no_learning --jobs 2
-    run benchmark tracking --sequences "$shared/data/real" "${mode[@]}" --no_learning --jobs 2
+    both_tracked "${mode[@]}" --no_learning
     for start in small large keypoint_rgb; do
         run refine --dataset "$data" --split test --initial "$data/initial_$start.csv" \
             --output "$work/$start.csv" "${mode[@]}" --jobs 2
@@ -96,13 +102,10 @@ single_actions() {
     done
 }
 no_depth() {
-    local weights=(--weights examples/no_depth/multi_object.safetensors) start
+    local weights=(--weights examples/no_depth/multi_object.safetensors)
     printf '# The paper'"'"'s ablation: a network that is not shown depth\n\n'
-    for start in "all_small 0" "all_large 0" "all_large 1"; do
-        one_rendered "$start" "${weights[@]}"
-    done
-    run benchmark tracking --sequences "$shared/bench/sequences" "${weights[@]}" --jobs 2
-    run benchmark tracking --sequences "$shared/data/real" "${weights[@]}" --jobs 2
+    all_rendered "${weights[@]}"
+    both_tracked "${weights[@]}"
 }
 paper_network() {
     local weights=(--weights examples/paper_network/multi_object.safetensors) start

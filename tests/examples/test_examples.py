@@ -286,7 +286,7 @@ def test_own_renderer_agrees_with_embree(
 WEIGHTS = sorted(EXAMPLES.glob("*/*.safetensors"))
 
 
-@pytest.mark.parametrize("weights", WEIGHTS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("weights", WEIGHTS, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_weights_of_examples_are_what_their_folder_says(weights: Path) -> None:
     network = load_network(weights).network
     is_papers = weights.parent.name in ("object_specific", "paper_network")

@@ -112,8 +112,10 @@ def _beside(
     finally:
         for worker, _ in busy.values():
             worker.end()
+        for worker in idle:  # all of them first: they end by themselves beside each other
+            worker.pipe.close()
         for worker in idle:
-            worker.leave()
+            worker.end(PATIENCE)
 
 
 class _Worker:
@@ -145,14 +147,9 @@ class _Worker:
         assert isinstance(found, Outcome)
         return found
 
-    def leave(self) -> None:
-        """Let it end by itself, so that it gives back its locks; stop it if it does not."""
-        self.pipe.close()
-        self.process.join(PATIENCE)
-        self.end()
-
-    def end(self) -> None:
-        """Stop it at once."""
+    def end(self, patience: float = 0.0) -> None:
+        """Stop it, unless it ends by itself within so many seconds and gives back its locks."""
+        self.process.join(patience)
         self.process.kill()
         self.process.join()
         self.pipe.close()

@@ -120,8 +120,8 @@ def score(found: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: Surf
     add = torch.tensor([error.add for error in errors], dtype=torch.float64)
     near = [error.translation < 0.05 and error.rotation < 5 for error in errors]
     rows = [found[error.frame] for error in errors if error.frame in found]
-    times = [row.milliseconds for row in rows if row.milliseconds is not None]
-    steps = [row.steps for row in rows if row.steps is not None]
+    times = _known(row.milliseconds for row in rows)
+    steps = _known(row.steps for row in rows)
     cut = add.clamp_max(surface.diameter)
     limit = metrics.ADD_LIMIT * surface.diameter
     return Score(
@@ -175,6 +175,10 @@ def comparison_table(trackers: Mapping[str, Mapping[str, Score]], levels: Mappin
     return markdown(["level", "tracker", *columns.head], rows)
 
 
+def _known(values: Iterable[float | None]) -> list[float]:
+    return [value for value in values if value is not None]
+
+
 def _groups(scores: Mapping[str, Score], levels: Mapping[str, str]) -> dict[str, dict[str, Score]]:
     """Scores by name within each level, levels in their order; `all` if there are several."""
     order = sorted({levels[name] for name in scores}, key=_rank)
@@ -212,8 +216,8 @@ class _Columns:
         return [*head, *["resets"] * self.resets, *["steps"] * self.steps, "ms/frame"]
 
     def cells(self, scores: Sequence[Score]) -> list[str]:
-        times = [score.milliseconds for score in scores if score.milliseconds is not None]
-        steps = [score.steps for score in scores if score.steps is not None]
+        times = _known(score.milliseconds for score in scores)
+        steps = _known(score.steps for score in scores)
         cells = [
             str(len(scores)),
             percent(float(np.mean([score.below_10 for score in scores]))),
