@@ -73,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     shots = [scene.shoot(number) for number in range(args.frames)]
     tracker = PoseTracker(mesh, scene.camera, shots[0].pose, policy=load_policy(weights))
     for number, shot in enumerate(shots[1:], 1):
-        found = tracker.update(shot.image)[0].pose
+        found = tracker.update(shot.image).pose
         if found is not None:
             error = float((found.translation - shot.pose.translation).norm())
             print(f"frame {number}: {1000 * error:.1f} mm off")

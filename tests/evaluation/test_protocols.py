@@ -49,10 +49,10 @@ class Drifter:
             raise InputError("Start pose: outside of the image.")
         self.resets.append(self.x)
 
-    def update(self, image: Any) -> tuple[TrackingResult, ...]:
+    def update(self, image: Any) -> TrackingResult:
         self.updates += 1
         self.x += self.drift
-        return (TrackingResult(at(self.x), 3, StopReason.STOP_ACTION, 0.9, 5.0),)
+        return TrackingResult(at(self.x), 3, StopReason.STOP_ACTION, 0.9, 5.0)
 
 
 class Scripted:
@@ -65,10 +65,10 @@ class Scripted:
     def reset(self, pose: Pose) -> None:
         self.resets += 1
 
-    def update(self, image: Any) -> tuple[TrackingResult, ...]:
+    def update(self, image: Any) -> TrackingResult:
         pose = self.poses.pop(0)
         reason = StopReason.FAILED if pose is None else StopReason.STOP_ACTION
-        return (TrackingResult(pose, 3, reason, 0.9, 5.0, None),)
+        return TrackingResult(pose, 3, reason, 0.9, 5.0, None)
 
 
 def run(

@@ -15,7 +15,7 @@ from moveit6d.evaluation.metrics import add
 from moveit6d.evaluation.rollout import Record, Step, follow
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import OraclePolicy
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.rendering.backends import make_renderer
 
 
 @pytest.fixture
@@ -68,9 +68,9 @@ def test_a_bad_frame_fails_alone(scene: Any, tracker: PoseTracker, image: Any, w
 
 def test_a_lost_object_has_no_pose_even_if_the_tracker_remembers_one() -> None:
     class Lost:
-        def update(self, image: Any) -> tuple[TrackingResult, ...]:
+        def update(self, image: Any) -> TrackingResult:
             pose = Pose.identity()
-            return (TrackingResult(pose, 3, StopReason.FAILED, 0.9, 5.0, "out of sight"),)
+            return TrackingResult(pose, 3, StopReason.FAILED, 0.9, 5.0, "out of sight")
 
     frame = Frame(0, "a", np.zeros((2, 2, 3), np.uint8))
     (step,) = follow(Lost(), [frame])  # type: ignore[arg-type]

@@ -14,7 +14,7 @@ import pytest
 from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.video import Frame
 from moveit6d.errors import InputError
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.rendering.backends import make_renderer
 from moveit6d.visualization.report import Run, index_page, report_page, write_report
 from tests.support.browser import open_page
 

@@ -16,7 +16,7 @@ from PIL import Image as Pillow
 from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.video import Frame, ImageFolder, Prefetched, read_image
 from moveit6d.geometry.pose import Pose
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.rendering.backends import make_renderer
 from moveit6d.visualization.overlay import GREEN
 from moveit6d.visualization.strips import WHITE, Look, as_data, draw, evenly, fetch, near, worst
 

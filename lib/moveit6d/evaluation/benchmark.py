@@ -24,9 +24,9 @@ from .rollout import Step, calibrating
 from .tracking import Score, Surface, read_track, score
 
 if TYPE_CHECKING:
-    from ..estimation import PoseTracker
+    from ..estimation import PoseTracker, TrackingResult
 
-MakeTracker = Callable[[Mesh, Camera, Pose], "PoseTracker"]
+MakeTracker = Callable[[Mesh, Camera, Pose], "PoseTracker[TrackingResult]"]
 # Of our own tracks: what every result has, and what a report of it needs.
 OWN_COLUMNS = (*RESULT_COLUMNS, "steps", "stopped_by", "confidence", "reset")
 

@@ -26,7 +26,7 @@ from .metrics import (
 from .rollout import Step, follow
 
 if TYPE_CHECKING:
-    from ..estimation import PoseTracker
+    from ..estimation import PoseTracker, TrackingResult
 
 # `stopped_by` of a frame whose pose was given, so that its error says nothing.
 GIVEN = "reset"
@@ -79,7 +79,10 @@ def is_given(row: PoseRow) -> bool:
 
 
 def follow_protocol(
-    tracker: PoseTracker, frames: Iterable[Frame], truth: Mapping[int, Pose], protocol: Protocol
+    tracker: PoseTracker[TrackingResult],
+    frames: Iterable[Frame],
+    truth: Mapping[int, Pose],
+    protocol: Protocol,
 ) -> Iterator[Step]:
     """One step a frame, as `follow` makes them; `row.reset` marks frames with a reset.
 
@@ -126,7 +129,7 @@ class _LavalWatch:
         return self.bad > LAVAL_PATIENCE
 
 
-def _reset(tracker: PoseTracker, true: Pose) -> bool:
+def _reset(tracker: PoseTracker[TrackingResult], true: Pose) -> bool:
     """Set the tracker to the truth; False where the camera cannot see the object there."""
     try:
         tracker.reset(true)

@@ -15,6 +15,7 @@ from kornia.geometry.transform import warp_perspective
 from torch import Tensor
 
 from ..actions import PoseAction
+from ..config import ContourConfig, MultiStartConfig, TrackerConfig
 from ..estimation import Target, TrackingResult, refine_single
 from ..geometry.crop import PADDING, View, crop_homography, look_at
 from ..geometry.mesh import Mesh
@@ -27,6 +28,9 @@ from ..synthesis.lighting import LightConfig, light
 from .metrics import add
 from .plain_camera import CAMERA
 
+LOOP_ONLY = TrackerConfig(
+    multi_start=MultiStartConfig(enabled=False), contour=ContourConfig(enabled=False)
+)
 FINE = 320  # pixels of the patch in which the object is rendered before it is put in the picture
 
 
@@ -76,10 +80,8 @@ def run_cases(
     cases: Sequence[Case],
     policy: Policy,
     renderer: Renderer,
-    max_iterations: int | None = None,
+    config: TrackerConfig = LOOP_ONLY,
     batch: int = 16,
-    multi_start: bool = False,
-    contour: bool = False,
 ) -> Iterator[Outcome]:
     """Refine the cases in batches, as `PoseEstimator` does, and measure them."""
     points: dict[Mesh, Tensor] = {}
@@ -87,8 +89,7 @@ def run_cases(
         part = cases[begin : begin + batch]
         targets = [case.target for case in part]
         results = refine_single(
-            targets, policy=policy, renderer=renderer, max_iterations=max_iterations,
-            multi_start=multi_start, contour=contour,
+            targets, policy=policy, renderer=renderer, config=config,
         )  # fmt: skip
         for case, result in zip(part, results, strict=True):
             mesh = case.target.mesh

@@ -12,15 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..config import TrackerConfig
 from ..datasets.pose_files import PoseRow
 from ..datasets.video import Frame
 from ..errors import InputError
-from ..estimation.track_state import LOW_CONFIDENCE
 from .metrics import LOST_RUN
 
 if TYPE_CHECKING:
-    from ..estimation import PoseTracker
+    from ..estimation import PoseTracker, TrackingResult
 
+LOW_CONFIDENCE = TrackerConfig().low_confidence
 FAILED = "failed"
 KEPT_FAILURES = 100
 
@@ -39,7 +40,7 @@ class Step:
         return self.row.pose is not None and (self.row.confidence or 0.0) >= LOW_CONFIDENCE
 
 
-def calibrating(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Frame]:
+def calibrating(tracker: PoseTracker[TrackingResult], frames: Iterable[Frame]) -> Iterator[Frame]:
     """The frames, from the first of which the tracker learns: its start pose is exact there.
 
     A first frame that it cannot learn from is passed on like the others, for `follow` to say why.
@@ -51,13 +52,13 @@ def calibrating(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Frame
         yield frame
 
 
-def follow(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Step]:
+def follow(tracker: PoseTracker[TrackingResult], frames: Iterable[Frame]) -> Iterator[Step]:
     """One step a frame, in order. A bad frame gives a row without a pose; the track goes on."""
     for frame in frames:
         if frame.image is None:
             yield Step(frame, _failed(frame), frame.error or "no image.")
             continue
-        result = tracker.update(frame.image)[0]
+        result = tracker.update(frame.image)
         if result.pose is None or result.stopped_by.value == FAILED:
             yield Step(frame, _failed(frame), result.error or "no pose.")
             continue

@@ -22,7 +22,7 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..io import replacing_folder, write_json
-from ..rendering.renderer import make_renderer
+from ..rendering.backends import make_renderer
 from .levels import Level, find_level
 from .mesh_file import write_glb
 from .motion import SUBSTEPS, Motion, random_motion
