@@ -97,7 +97,7 @@ def test_files_are_read_back(tmp_path: Path) -> None:
     assert back.names == NAMES and back.objects.tolist() == keyframes.objects.tolist()
     for mine, theirs in ((back.truth, keyframes.truth),
                          (back.estimates["ours"], keyframes.estimates["ours"])):  # fmt: skip
-        torch.testing.assert_close(mine.matrix(), theirs.matrix(), equal_nan=True)
+        torch.testing.assert_close(mine.matrix, theirs.matrix, equal_nan=True)
     np.savez(tmp_path / "points.npz", **{f"{n:02d}": p.numpy() for n, p in points.items()})
     assert {n: p.tolist() for n, p in read_points(tmp_path / "points.npz").items()} == {
         n: p.tolist() for n, p in points.items()

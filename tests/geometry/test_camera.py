@@ -19,7 +19,7 @@ def points(count: int = 50) -> torch.Tensor:
 
 def test_projection_agrees_with_opencv() -> None:
     expected, _ = cv2.projectPoints(
-        points().numpy(), np.zeros(3), np.zeros(3), CAMERA.matrix().numpy(), np.zeros(5)
+        points().numpy(), np.zeros(3), np.zeros(3), CAMERA.matrix.numpy(), np.zeros(5)
     )
     assert np.abs(CAMERA.project(points()).numpy() - expected[:, 0]).max() < 1e-9
 
@@ -55,7 +55,7 @@ def test_undistortion_agrees_with_opencv() -> None:
     camera = Camera(400, 410, 160, 118, 320, 240, lens)
     random = np.random.default_rng(0)
     image = cv2.GaussianBlur(random.integers(0, 255, (240, 320, 3), dtype=np.uint8), (0, 0), 3)
-    expected = cv2.undistort(image, camera.matrix().numpy(), np.array(lens))
+    expected = cv2.undistort(image, camera.matrix.numpy(), np.array(lens))
     undone, pinhole = camera.undistort(torch.from_numpy(image).permute(2, 0, 1))
     assert pinhole.distortion is None
     difference = undone.permute(1, 2, 0).numpy().astype(int) - expected

@@ -221,7 +221,7 @@ def spacing(centres: Tensor) -> float:
 
 def _in_image(moves: Tensor, view: View, camera: Camera) -> Tensor:
     """Unit vectors (B, 2) in the image for moves (B, 2) in the patches; zero stays zero."""
-    back = patch_to_image(view, camera.matrix().expand(len(moves), 3, 3))
+    back = patch_to_image(view, camera.matrix.expand(len(moves), 3, 3))
     middle = view.intrinsics[:, :2, 2]
     start = _mapped(back, middle)
     direction = functional.normalize(moves, dim=1)

@@ -45,6 +45,7 @@ class Camera:
                 f"found {len(self.distortion)} values."
             )
 
+    @property
     def matrix(self) -> Tensor:
         """The intrinsic matrix K, float64 (3, 3)."""
         rows = [[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]]
@@ -52,7 +53,7 @@ class Camera:
 
     def project(self, points: Tensor) -> Tensor:
         """Pinhole projection of points in the camera's frame: (..., 3) metres → (..., 2) pixels."""
-        return project(points, self.matrix().to(points))
+        return project(points, self.matrix.to(points))
 
     def resize(self, width: int, height: int) -> Camera:
         """The camera of the same picture resampled to width × height (half-pixel rule)."""
@@ -82,7 +83,7 @@ class Camera:
 
         batch = image.reshape(-1, *image.shape[-3:])
         floating = batch if batch.is_floating_point() else batch.float()
-        matrix = self.matrix().to(floating)[None].expand(len(batch), 3, 3)
+        matrix = self.matrix.to(floating)[None].expand(len(batch), 3, 3)
         coefficients = floating.new_tensor(self.distortion)[None].expand(len(batch), 5)
         undone = undistort_image(floating, matrix, coefficients)
         if not batch.is_floating_point():
