@@ -52,7 +52,7 @@ def main(files: list[str], frames: int = 30) -> None:
 
     with TemporaryDirectory() as place:
         clip = Path(place) / "clip"
-        write_sequence(clip, mesh=demo_object(), seed=1, frames=frames, level="easy")
+        write_sequence(clip, mesh=demo_object(), seed=1, frames=frames, difficulty="easy")
         names = ("mesh.glb", "frames", "camera.json", "start.json")
         track(*(clip / name for name in names))
 

@@ -128,9 +128,11 @@ def test_difference_is_the_exact_inverse_of_apply(
 @given(places, turns, places, turns)
 @settings(max_examples=100, deadline=None)
 def test_apply_is_the_exact_inverse_of_difference(
-    place_a: tuple[float, ...], turn_a: tuple[float, ...],
-    place_b: tuple[float, ...], turn_b: tuple[float, ...],
-) -> None:  # fmt: skip
+    place_a: tuple[float, ...],
+    turn_a: tuple[float, ...],
+    place_b: tuple[float, ...],
+    turn_b: tuple[float, ...],
+) -> None:
     a, b = (
         Pose(exp_so3(torch.tensor(w, dtype=torch.float64)), torch.tensor(t, dtype=torch.float64))
         for w, t in ((turn_a, place_a), (turn_b, place_b))
@@ -181,10 +183,14 @@ def test_sums_of_actions_are_the_paper_s_v() -> None:
 
 
 def test_the_expert_shortens_the_largest_count_and_stops_in_time() -> None:
-    remaining = torch.tensor([
-        [3.0, -4, 0, 0, 0, 0], [0.4, -0.4, 0.4, 0, 0, 0],
-        [0, 0, 0, 0, 0, 7.0], [0, 0, -0.6, 0, 0, 0],
-    ])  # fmt: skip
+    remaining = torch.tensor(
+        [
+            [3.0, -4, 0, 0, 0, 0],
+            [0.4, -0.4, 0.4, 0, 0, 0],
+            [0, 0, 0, 0, 0, 7.0],
+            [0, 0, -0.6, 0, 0, 0],
+        ]
+    )
     wanted = [ActionSpace.T_Y_MINUS, ActionSpace.STOP, ActionSpace.R_Z_PLUS, ActionSpace.T_Z_MINUS]
     assert expert_action(remaining).tolist() == wanted
 

@@ -128,9 +128,12 @@ def expert_action(counts: Tensor, step: float = 1.0) -> Tensor:
 
 
 def expert_difference(
-    start: Pose, goal: Pose, sphere_diameter: Tensor, symmetries: Tensor | None = None,
+    start: Pose,
+    goal: Pose,
+    sphere_diameter: Tensor,
+    symmetries: Tensor | None = None,
     crop: Crop = "look_at",
-) -> Tensor:  # fmt: skip
+) -> Tensor:
     """Counts (6,) to the nearest of the goal's equivalents; poses unbatched and centred.
 
     `symmetries` (S, 4, 4) map the centred object onto itself; the choice is the shortest vector of

@@ -86,9 +86,12 @@ class NetworkPolicy:
     """Decides with a trained network, in evaluation mode, without gradients."""
 
     def __init__(
-        self, network: CorrelationNet | ActionNet, mode: MoveMode | None = None, source: str = "",
+        self,
+        network: CorrelationNet | ActionNet,
+        mode: MoveMode | None = None,
+        source: str = "",
         compute: Compute = "auto",
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.network = InferenceNetwork(network, compute)
         single = isinstance(network, ActionNet)
         self.crop: Crop = network.config.crop

@@ -38,7 +38,7 @@ def test_every_verb_has_a_manual_page(verb: str, capsys: pytest.CaptureFixture[s
     text = printed([verb, "--help"], capsys)
     assert "exit codes:" in text and len(text.splitlines()) > 15
     assert max(map(len, text.splitlines())) <= 100
-    of_verb = {"evaluate": ["tracking", "bop", "ycbv"], "benchmark": ["tracking", "cycle"]}
+    of_verb = {"evaluate": ["tracking", "bop", "ycbv"], "benchmark": ["tracking", "iteration"]}
     kinds = of_verb.get(verb, [])
     for kind in kinds:
         assert "examples:" in printed([verb, kind, "--help"], capsys)

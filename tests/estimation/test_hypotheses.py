@@ -12,7 +12,7 @@ from moveit6d.estimation.hypotheses import (
     PERSISTENCE,
     SURE,
     Track,
-)  # fmt: skip
+)
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.regions import Colours

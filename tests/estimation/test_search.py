@@ -69,8 +69,10 @@ def test_each_of_many_targets_has_the_result_it_has_alone(brick: Mesh) -> None:
 
     def refined(some: list[Target]) -> list[Pose | None]:
         policy = NearSighted(truth, 21.0)
-        return [result.pose for result in refine_single(
-            some, policy=policy, renderer=RENDERER, regions=False)]  # fmt: skip
+        return [
+            result.pose
+            for result in refine_single(some, policy=policy, renderer=RENDERER, regions=False)
+        ]
 
     together = refined(targets)
     for target, pose in zip(targets, together, strict=True):

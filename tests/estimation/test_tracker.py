@@ -260,9 +260,13 @@ def test_colours_are_learnt_from_a_frame_whose_pose_is_exact(brick: Mesh) -> Non
 def learn_colours_at_truth(mesh: Mesh, truth: Pose, picture: torch.Tensor) -> Colours:
     """As the refinement gives them at a pose that it leaves where it is."""
     polished = polish(
-        picture, pictures.CAMERA.matrix(), mesh, truth, make_renderer(),
+        picture,
+        pictures.CAMERA.matrix(),
+        mesh,
+        truth,
+        make_renderer(),
         colours=Colours(*[np.full(32**3, 32.0**-3, np.float32)] * 2),
-    )  # fmt: skip
+    )
     assert polished.colours is not None
     return polished.colours
 
@@ -281,8 +285,13 @@ def test_an_object_of_revolution_does_not_spin(brick: Mesh) -> None:
         torch.tensor([0.01, 0.0, 0.7], dtype=torch.float64),
     )
     policy = OraclePolicy(Pose.stack([turned]), MoveMode.ALL_AXES)
-    tracker = PoseTracker(can, CAMERA, can.outer(Pose(torch.eye(3).double(), turned.translation)),
-                          policy=policy, regions=False)  # fmt: skip
+    tracker = PoseTracker(
+        can,
+        CAMERA,
+        can.outer(Pose(torch.eye(3).double(), turned.translation)),
+        policy=policy,
+        regions=False,
+    )
     result = tracker.update(GRAY)[0]
     assert result.pose is not None
     spin = log_so3(result.pose.rotation)

@@ -57,9 +57,14 @@ WIDE = np.array([0.7, 0.7, 1.5, 1.5, 1.5, 1.0])
 @pytest.mark.parametrize("counts", START)
 @pytest.mark.parametrize(("spread", "left", "share"), [(SPREAD, 1.0, 0.55), (WIDE, 0.7, 0.5)])
 def test_two_counts_of_error_become_less_than_one(
-    box: Mesh, truth: Pose, counts: tuple[float, ...],
-    spread: np.ndarray, left: float, share: float, monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+    box: Mesh,
+    truth: Pose,
+    counts: tuple[float, ...],
+    spread: np.ndarray,
+    left: float,
+    share: float,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("moveit6d.regions.refinement.SPREAD", spread)
     image, start = picture(box, truth), moved(truth, box, *counts)
     found = polish(image, K, box, start, make_renderer(), known(box, truth))

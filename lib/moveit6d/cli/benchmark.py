@@ -24,8 +24,8 @@ from .common import (
 
 DESCRIPTION = """\
   moveit6d benchmark tracking   tracks whole sequences, beside rivals' results
-  moveit6d benchmark rendered   refines rendered objects from starts of a known distance
-  moveit6d benchmark cycle      times the parts of one cycle: crop, render, network, move
+  moveit6d benchmark refinement   refines rendered objects from starts of a known distance
+  moveit6d benchmark iteration      times the parts of one cycle: crop, render, network, move
   moveit6d benchmark oracle     proves the loop with a policy that knows the truth
 """
 
@@ -43,28 +43,28 @@ examples:
   moveit6d benchmark oracle --starts 1000 --renderer pyrender
 """
 
-RENDERED = """\
+REFINEMENT = """\
 Renders every object of a folder at random poses before photos, takes the pose away by the
 counts of one of the paper's clusters on all six axes, refines, and prints the share of cases
 with ADD below 2, 5 and 10 % of the diameter before and after, and how many steps it took.
 """
 
-RENDERED_EXAMPLES = """\
+REFINEMENT_EXAMPLES = """\
 examples:
-  moveit6d benchmark rendered --objects meshes --photos photos --cluster all_small
-  moveit6d benchmark rendered --objects meshes --photos photos --cluster all_large --covered 1
+  moveit6d benchmark refinement --objects meshes --photos photos --cluster all_small
+  moveit6d benchmark refinement --objects meshes --photos photos --cluster all_large --occluded 1
 """
 
-CYCLE = """\
+ITERATION = """\
 One cycle cuts the patch out of the frame, renders the object at the current pose, asks the
 network and moves the pose. This prints the median time of each part over many cycles on one
 object, made by the library itself if no --mesh is given, in a frame of 640x480.
 """
 
-CYCLE_EXAMPLES = """\
+ITERATION_EXAMPLES = """\
 examples:
-  moveit6d benchmark cycle --threads 1
-  moveit6d benchmark cycle --mesh drill.glb --mesh_unit m --repeats 200
+  moveit6d benchmark iteration --threads 1
+  moveit6d benchmark iteration --mesh drill.glb --mesh_unit m --repeats 200
 """
 
 
@@ -75,39 +75,43 @@ def add_parser(verbs: Any) -> None:
     )
     kinds = parser.add_subparsers(title="kinds", metavar="KIND", required=True)
     benchmark_tracking.add_kind(kinds)
-    three = add_verb(kinds, "rendered", "refine rendered objects", RENDERED, RENDERED_EXAMPLES)
+    three = add_verb(
+        kinds, "refinement", "refine rendered objects", REFINEMENT, REFINEMENT_EXAMPLES
+    )
     three.add_argument("--objects", type=Path, required=True, metavar="DIR", help="meshes, metres")
     three.add_argument("--photos", type=Path, required=True, metavar="DIR", help="backgrounds")
     three.add_argument(
         "--cluster", choices=CLUSTERS, default="all_small", help="how far the starts are off"
     )
     three.add_argument(
-        "--covered", type=float, default=0.0, metavar="SHARE",
+        "--occluded", type=float, default=0.0, metavar="SHARE",
         help="share of cases with a third of the object covered",
     )  # fmt: skip
     three.add_argument("--number", type=positive, default=200, metavar="N", help="cases")
     three.add_argument("--seed", type=int, default=0, metavar="N", help="of the cases")
     add_tracking_options(three)
     add_beyond_paper_options(three)
-    three.set_defaults(run=rendered)
+    three.set_defaults(run=refinement)
     four = add_verb(kinds, "oracle", "prove the loop", ORACLE, ORACLE_EXAMPLES)
     four.add_argument("--starts", type=positive, default=100, metavar="N", help="loops a mode")
     add_machine_options(four)
     four.set_defaults(run=oracle)
-    two = add_verb(kinds, "cycle", "time the parts of one cycle", CYCLE, CYCLE_EXAMPLES)
+    two = add_verb(
+        kinds, "iteration", "time the parts of one iteration", ITERATION, ITERATION_EXAMPLES
+    )
     two.add_argument("--mesh", type=Path, metavar="FILE", help="object instead of a made one")
     two.add_argument("--mesh_unit", choices=("m", "mm"), default="m", help="the mesh's unit")
     two.add_argument("--repeats", type=positive, default=100, metavar="N", help="cycles")
     two.add_argument("--weights", type=Path, metavar="FILE", help="weights instead of the shipped")
     add_machine_options(two)
-    two.set_defaults(run=cycle)
+    two.set_defaults(run=iteration)
 
 
-def cycle(args: argparse.Namespace) -> int:
+def iteration(args: argparse.Namespace) -> int:
     """Time the parts of one cycle."""
     import torch
 
-    from ..evaluation.iteration_timing import WARM_UP, time_cycle
+    from ..evaluation.iteration_timing import WARM_UP, time_iteration
     from ..evaluation.tables import plain
     from ..geometry.mesh import Mesh
     from ..synthesis.objects.demo_object import demo_object
@@ -116,7 +120,7 @@ def cycle(args: argparse.Namespace) -> int:
     policy, renderer = set_up(args)
     count = args.repeats + WARM_UP
     rounds = progress(range(count), count, "cycle", "cycle")
-    times = time_cycle(mesh, policy, renderer, rounds)
+    times = time_iteration(mesh, policy, renderer, rounds)
     rows = [[part, f"{value:.2f}"] for part, value in times.parts.items()]
     rows += [["sum", f"{times.total:.2f}"], ["whole cycle", f"{times.whole:.2f}"]]
     print(f"{mesh.name}, {len(mesh.faces)} faces, {args.renderer}, "
@@ -125,7 +129,7 @@ def cycle(args: argparse.Namespace) -> int:
     return 0
 
 
-def rendered(args: argparse.Namespace) -> int:
+def refinement(args: argparse.Namespace) -> int:
     """Refine rendered objects."""
     import numpy as np
     import torch
@@ -143,7 +147,7 @@ def rendered(args: argparse.Namespace) -> int:
     policy, renderer = set_up(args)
     meshes, photos = [Mesh.load(path, "m") for path in paths], load_photos(args.photos)
     cases = list(make_cases(
-        meshes, photos, renderer, cluster=args.cluster, covered=args.covered,
+        meshes, photos, renderer, cluster=args.cluster, occluded=args.occluded,
         number=args.number, seed=args.seed,
     ))  # fmt: skip
     found = list(progress(
@@ -161,7 +165,7 @@ def rendered(args: argparse.Namespace) -> int:
         shares = [f"{100 * float((errors < limit).mean()):.1f}" for limit in (0.02, 0.05, 0.10)]
         rows.append([name, *shares, f"{100 * float(np.median(errors)):.2f}"])
     print(f"{len(found)} cases, {len(meshes)} objects, cluster {args.cluster}, covered "
-          f"{args.covered:g}, seed {args.seed}\n")  # fmt: skip
+          f"{args.occluded:g}, seed {args.seed}\n")  # fmt: skip
     print(plain(["", "ADD<2%", "ADD<5%", "ADD<10%", "median % d"], rows))
     steps = [case.result.steps for case in found]
     print(f"\nsteps: mean {np.mean(steps):.2f}, median {np.median(steps):g}")

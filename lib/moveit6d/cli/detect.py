@@ -49,13 +49,19 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--camera", type=Path, required=True, metavar="FILE", help="intrinsics")
     parser.add_argument("--output", type=Path, required=True, metavar="DIR", help="for results")
     parser.add_argument(
-        "--judge", choices=("confidence", "steps"), default="confidence",
+        "--judge",
+        choices=("confidence", "steps"),
+        default="confidence",
         help="how the best candidate is told: by the network's confidence, or by fewest steps",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--sizes", type=float, nargs="+", default=[0.13, 0.2, 0.3], metavar="SHARE",
+        "--sizes",
+        type=float,
+        nargs="+",
+        default=[0.13, 0.2, 0.3],
+        metavar="SHARE",
         help="widths of the object to try, in shares of the image's shorter side",
-    )  # fmt: skip
+    )
     parser.add_argument("--rotations", type=int, default=60, metavar="N", help="of the grid")
     parser.add_argument("--sinks", type=int, default=3, metavar="N", help="places looked into")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the seeded poses")
@@ -83,9 +89,14 @@ def run(args: argparse.Namespace) -> int:
     )
     policy, renderer = set_up(args)
     detector = PoseDetector(
-        mesh, camera, judge=args.judge, search=search, policy=policy, renderer=renderer,
+        mesh,
+        camera,
+        judge=args.judge,
+        search=search,
+        policy=policy,
+        renderer=renderer,
         max_steps=args.max_steps,
-    )  # fmt: skip
+    )
     found = detector.detect(frame.image)
     if found.result is None or found.pose is None:
         raise InputError(f"{args.image}: the object was not found; try other --sizes.")

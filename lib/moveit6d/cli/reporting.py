@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ..datasets.pose_files import PoseRow
     from ..datasets.sequences import Sequence
     from ..datasets.video import FrameSource
-    from ..evaluation.run_tracker import Step
+    from ..evaluation.run_tracker import TrackedFrame
     from ..evaluation.track_scores import Score
     from ..geometry.camera import Camera
     from ..geometry.mesh import Mesh
@@ -32,7 +32,7 @@ class Gathered:
     rows: dict[int, PoseRow] = field(default_factory=dict)
     failures: dict[int, str] = field(default_factory=dict)
 
-    def add(self, step: Step) -> None:
+    def add(self, step: TrackedFrame) -> None:
         """Take note of one more frame."""
         self.rows[step.row.frame] = step.row
         if step.error is not None:
@@ -76,9 +76,14 @@ def reporting(
             run = Run(
                 title=mesh.name,
                 verdict=f"{len(gathered.rows)} frames, {missing} without a pose",
-                mesh=mesh, camera=camera, frames=frames, rows=gathered.rows, facts=facts,
-                failures=gathered.failures, doubtful=DOUBTFUL,
-            )  # fmt: skip
+                mesh=mesh,
+                camera=camera,
+                frames=frames,
+                rows=gathered.rows,
+                facts=facts,
+                failures=gathered.failures,
+                doubtful=DOUBTFUL,
+            )
             write_report(path, run, renderer)
 
 
@@ -103,19 +108,25 @@ def sequence_page(
 ) -> str:
     """The page of one sequence; errors are against `truth`, the first of which is not counted."""
     from ..estimation.hypotheses import DOUBTFUL
-    from ..evaluation.track_scores import Surface, frame_errors
+    from ..evaluation.track_scores import EvaluationPoints, frame_errors
     from ..visualization.report import Run, report_page
 
     mesh = sequence.load_mesh()
-    surface = Surface.of(mesh, symmetric=sequence.symmetric)
+    surface = EvaluationPoints.of(mesh, symmetric=sequence.symmetric)
     errors = frame_errors(gathered.rows, truth, surface)
     run = Run(
         title=sequence.name,
         verdict="too few true poses to score" if score is None else verdict(score),
-        mesh=mesh, camera=sequence.camera, frames=sequence.open(), rows=gathered.rows,
-        facts=facts, truth=sequence.truth, errors={error.frame: error for error in errors},
-        failures=gathered.failures, doubtful=DOUBTFUL,
-    )  # fmt: skip
+        mesh=mesh,
+        camera=sequence.camera,
+        frames=sequence.open(),
+        rows=gathered.rows,
+        facts=facts,
+        truth=sequence.truth,
+        errors={error.frame: error for error in errors},
+        failures=gathered.failures,
+        doubtful=DOUBTFUL,
+    )
     return report_page(run, renderer)
 
 

@@ -25,9 +25,7 @@ LASTING = 0.6  # of what is found in one frame; the rest belongs to that frame's
 MOST = 3.0  # counts: more than that is no bias but a pose that is not exact, or something in front
 
 
-def depth_bias(
-    frame: Frame, mesh: Mesh, pose: Pose, policy: Policy, renderer: Renderer
-) -> float:  # fmt: skip
+def depth_bias(frame: Frame, mesh: Mesh, pose: Pose, policy: Policy, renderer: Renderer) -> float:
     """By how many counts t_z the policy's moves will lead past the object in later frames.
 
     Read in a frame where the pose is exact (mesh file's frame); at most `MOST` either way. 0 for a

@@ -56,15 +56,24 @@ class PoseEstimator:
         """
         target = Target(prepare_frame(image, self.camera), self.camera, self.mesh, pose)
         return refine_single(
-            [target], policy=self.policy, renderer=self.renderer, max_steps=self.max_steps,
-            search=self.search, regions=self.regions,
-        )[0]  # fmt: skip
+            [target],
+            policy=self.policy,
+            renderer=self.renderer,
+            max_steps=self.max_steps,
+            search=self.search,
+            regions=self.regions,
+        )[0]
 
 
 def refine_single(
-    targets: Sequence[Target], *, policy: Policy, renderer: Renderer,
-    max_steps: int | None = None, search: bool = True, regions: bool = True,
-) -> list[TrackingResult]:  # fmt: skip
+    targets: Sequence[Target],
+    *,
+    policy: Policy,
+    renderer: Renderer,
+    max_steps: int | None = None,
+    search: bool = True,
+    regions: bool = True,
+) -> list[TrackingResult]:
     """`PoseEstimator.refine` for many targets at once, of any objects and images.
 
     Where the loop ends, a policy of all axes has one more close look, at the picture laid in all
@@ -98,7 +107,10 @@ def _look_again(
     for (i, _), look in zip(ends, again, strict=True):
         if look.pose is not None:
             found[i] = replace(
-                found[i], pose=look.pose, confidence=look.confidence, steps=found[i].steps + 1,
+                found[i],
+                pose=look.pose,
+                confidence=look.confidence,
+                steps=found[i].steps + 1,
                 milliseconds=found[i].milliseconds + look.milliseconds,
-            )  # fmt: skip
+            )
     return found

@@ -112,16 +112,21 @@ def refine_batch(
     # Tensors made in inference mode are no use for anybody who wants gradients of a pose.
     return [
         replace(one, pose=Pose(one.pose.rotation.clone(), one.pose.translation.clone()))
-        if one.pose is not None else one
+        if one.pose is not None
+        else one
         for one in found
-    ]  # fmt: skip
+    ]
 
 
 @torch.inference_mode()  # half the time of small tensors' arithmetic is autograd's
 def _loops(
-    targets: Sequence[Target], policy: Policy, renderer: Renderer, limit: int, step: float,
+    targets: Sequence[Target],
+    policy: Policy,
+    renderer: Renderer,
+    limit: int,
+    step: float,
     groups: Sequence[int] | None,
-) -> list[TrackingResult]:  # fmt: skip
+) -> list[TrackingResult]:
     """`refine_batch`, one result for each target, or one for each group."""
     begin = time.perf_counter()
     scene = _Scene.of(targets)
@@ -193,8 +198,7 @@ def _best(groups: Sequence[int], trails: Sequence[_Trail]) -> set[int]:
     members: dict[int, list[int]] = {}
     for i, group in enumerate(groups):
         members.setdefault(group, []).append(i)
-    return {max(some, key=lambda i: trails[i].belief)
-            for some in members.values()}  # fmt: skip
+    return {max(some, key=lambda i: trails[i].belief) for some in members.values()}
 
 
 @dataclass(frozen=True)

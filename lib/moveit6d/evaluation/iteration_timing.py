@@ -30,7 +30,7 @@ WARM_UP = 5
 
 
 @dataclass(frozen=True)
-class CycleTimes:
+class IterationTimes:
     """Median milliseconds of each of `PARTS`, of their sum, and of a whole cycle of the loop."""
 
     parts: dict[str, float]
@@ -38,12 +38,12 @@ class CycleTimes:
     whole: float
 
 
-def time_cycle(
+def time_iteration(
     mesh: Mesh,
     policy: Policy,
     renderer: Renderer,
     rounds: Iterable[object],
-) -> CycleTimes:
+) -> IterationTimes:
     """Time cycles on one object, seen from another side each time, in a frame of 640 × 480.
 
     One cycle a round; the first `WARM_UP` rounds are not counted.
@@ -58,7 +58,7 @@ def time_cycle(
         depth = 3.0 * mesh.sphere_diameter
         place = torch.tensor([0.1 * depth, -0.05 * depth, depth], dtype=torch.float64)
         centred = Pose(turn[None], place[None])
-        taken.append(_parts(mesh, centred, frame.pixels, policy, renderer))
+        taken.append(_time_parts(mesh, centred, frame.pixels, policy, renderer))
         begin = time.perf_counter()
         target = Target(frame, CAMERA, mesh, mesh.outer(centred[0]))
         refine_batch([target], policy=policy, renderer=renderer, max_steps=1)
@@ -66,11 +66,11 @@ def time_cycle(
     table = np.array(taken[WARM_UP:])
     medians = dict(zip(PARTS, np.median(table, 0).tolist(), strict=True))
     total = float(np.median(table.sum(1)))
-    return CycleTimes(medians, total, float(np.median(wholes[WARM_UP:])))
+    return IterationTimes(medians, total, float(np.median(wholes[WARM_UP:])))
 
 
 @torch.inference_mode()  # as the loop's own cycles
-def _parts(
+def _time_parts(
     mesh: Mesh, pose: Pose, pixels: torch.Tensor, policy: Policy, renderer: Renderer
 ) -> list[float]:
     """Milliseconds of the parts of one cycle, in the order of `PARTS`."""

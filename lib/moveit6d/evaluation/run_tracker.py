@@ -26,7 +26,7 @@ KEPT_FAILURES = 100
 
 
 @dataclass(frozen=True)
-class Step:
+class TrackedFrame:
     """One frame and the row of poses.csv for it; `error` says why a frame has no pose."""
 
     frame: Frame
@@ -51,15 +51,15 @@ def learning(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Frame]:
         yield frame
 
 
-def follow(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Step]:
+def run_tracker(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[TrackedFrame]:
     """One step a frame, in order. A bad frame gives a row without a pose; the track goes on."""
     for frame in frames:
         if frame.image is None:
-            yield Step(frame, _failed(frame), frame.error or "no image.")
+            yield TrackedFrame(frame, _failed(frame), frame.error or "no image.")
             continue
         result = tracker.update(frame.image)[0]
         if result.pose is None or result.stopped_by.value == FAILED:
-            yield Step(frame, _failed(frame), result.error or "no pose.")
+            yield TrackedFrame(frame, _failed(frame), result.error or "no pose.")
             continue
         row = PoseRow(
             frame=frame.index,
@@ -70,11 +70,11 @@ def follow(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Step]:
             confidence=result.confidence,
             milliseconds=result.milliseconds,
         )
-        yield Step(frame, row)
+        yield TrackedFrame(frame, row)
 
 
 @dataclass
-class Record:
+class TrackSummary:
     """What a report says of a track, gathered frame by frame in little memory."""
 
     frames: int = 0
@@ -84,7 +84,7 @@ class Record:
     lost_from: int | None = None
     _doubtful: int = 0
 
-    def add(self, step: Step) -> None:
+    def add(self, step: TrackedFrame) -> None:
         """Take note of one more frame."""
         self.frames += 1
         if step.error is not None:

@@ -39,7 +39,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RefinedCase:
     """ADD before and after in diameters of the object (inf without a pose), and the result."""
 
     before: float
@@ -48,9 +48,15 @@ class Outcome:
 
 
 def make_cases(
-    meshes: Sequence[Mesh], photos: Sequence[np.ndarray], renderer: Renderer, *,
-    cluster: str, covered: float, number: int, seed: int = 0,
-) -> Iterator[Case]:  # fmt: skip
+    meshes: Sequence[Mesh],
+    photos: Sequence[np.ndarray],
+    renderer: Renderer,
+    *,
+    cluster: str,
+    occluded: float,
+    number: int,
+    seed: int = 0,
+) -> Iterator[Case]:
     """`number` cases, the objects in turn; `covered` is the share of cases with an occluder."""
     random = np.random.default_rng(seed)
     generator = torch.Generator().manual_seed(seed)
@@ -63,9 +69,9 @@ def make_cases(
         photo = photos[int(random.integers(len(photos)))]
         picture = _photo(photo)
         picture = _put(picture, mesh, truth, renderer, generator)
-        if random.random() < covered:
-            cover = photos[int(random.integers(len(photos)))]
-            picture = _cover(picture, cover, mesh, truth, random)
+        if random.random() < occluded:
+            card_photo = photos[int(random.integers(len(photos)))]
+            picture = _occlude(picture, card_photo, mesh, truth, random)
         picture = picture * random.uniform(0.8, 1.2)
         picture += 0.01 * torch.randn(picture.shape, generator=generator)
         image = (picture.clamp(0, 1) * 255).round().to(torch.uint8).permute(1, 2, 0)
@@ -80,16 +86,20 @@ def run_cases(
     batch: int = 16,
     search: bool = False,
     regions: bool = False,
-) -> Iterator[Outcome]:
+) -> Iterator[RefinedCase]:
     """Refine the cases in batches, as `PoseEstimator` does, and measure them."""
     points: dict[Mesh, Tensor] = {}
     for begin in range(0, len(cases), batch):
         part = cases[begin : begin + batch]
         targets = [case.target for case in part]
         results = refine_single(
-            targets, policy=policy, renderer=renderer, max_steps=max_steps,
-            search=search, regions=regions,
-        )  # fmt: skip
+            targets,
+            policy=policy,
+            renderer=renderer,
+            max_steps=max_steps,
+            search=search,
+            regions=regions,
+        )
         for case, result in zip(part, results, strict=True):
             mesh = case.target.mesh
             if mesh not in points:
@@ -98,7 +108,7 @@ def run_cases(
             after = np.inf
             if result.pose is not None:
                 after = float(add(result.pose, case.truth, points[mesh])) / mesh.diameter
-            yield Outcome(before, after, result)
+            yield RefinedCase(before, after, result)
 
 
 def _random_pose(mesh: Mesh, random: np.random.Generator, generator: torch.Generator) -> Pose:
@@ -150,7 +160,7 @@ def _put(
     return picture * (1 - warped[3:]) + warped[:3]
 
 
-def _cover(
+def _occlude(
     picture: Tensor, photo: np.ndarray, mesh: Mesh, truth: Pose, random: np.random.Generator
 ) -> Tensor:
     """A photo card over about a third of the object."""
@@ -163,7 +173,7 @@ def _cover(
     card = _photo(photo)
     x0, y0 = max(x, 0), max(y, 0)
     x1, y1 = min(x + size, CAMERA.width), min(y + size, CAMERA.height)
-    covered = picture.clone()
+    occluded = picture.clone()
     if x1 > x0 and y1 > y0:
-        covered[:, y0:y1, x0:x1] = card[:, y0:y1, x0:x1]
-    return covered
+        occluded[:, y0:y1, x0:x1] = card[:, y0:y1, x0:x1]
+    return occluded

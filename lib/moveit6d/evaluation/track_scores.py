@@ -27,7 +27,7 @@ LEVELS = ("easy", "occ", "fast", "hard")
 
 
 @dataclass(frozen=True)
-class Surface:
+class EvaluationPoints:
     """What scoring needs of an object: points (N, 3) on its surface and its diameter, metres.
 
     For an object that is declared symmetric ADD is ADD-S throughout.
@@ -38,7 +38,7 @@ class Surface:
     symmetric: bool = False
 
     @staticmethod
-    def of(mesh: Mesh, count: int = SURFACE_POINTS, symmetric: bool = False) -> Surface:
+    def of(mesh: Mesh, count: int = SURFACE_POINTS, symmetric: bool = False) -> EvaluationPoints:
         """Points drawn by area with a fixed seed, in the file's frame.
 
         The very points of the benchmark's published figures, so that its tables come out exactly.
@@ -51,7 +51,7 @@ class Surface:
         a, b = np.sqrt(random.random(count)), random.random(count)
         weights = np.stack([1 - a, a * (1 - b), a * b], 1)
         points = (corners[chosen] * weights[..., None]).sum(1)
-        return Surface(torch.from_numpy(points), mesh.diameter, symmetric)
+        return EvaluationPoints(torch.from_numpy(points), mesh.diameter, symmetric)
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Score:
 
 
 def frame_errors(
-    found: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: Surface
+    found: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: EvaluationPoints
 ) -> list[FrameError]:
     """Errors of every frame whose true pose is known, without the first."""
     errors = []
@@ -112,7 +112,9 @@ def frame_errors(
     return errors
 
 
-def score(found: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: Surface) -> Score:
+def score(
+    found: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: EvaluationPoints
+) -> Score:
     """The figures of a track, rows by frame, against the true poses by frame."""
     errors = frame_errors(found, truth, surface)
     if not errors:
@@ -211,8 +213,16 @@ class _Columns:
 
     @property
     def head(self) -> list[str]:
-        head = ["sequences", "ADD<10%d", "ADD<5%d", "mean ADD mm", "median ADD mm",
-                "frames until lost", "never lost", "5cm/5deg"]  # fmt: skip
+        head = [
+            "sequences",
+            "ADD<10%d",
+            "ADD<5%d",
+            "mean ADD mm",
+            "median ADD mm",
+            "frames until lost",
+            "never lost",
+            "5cm/5deg",
+        ]
         return [*head, *["resets"] * self.resets, *["steps"] * self.steps, "ms/frame"]
 
     def cells(self, scores: Sequence[Score]) -> list[str]:

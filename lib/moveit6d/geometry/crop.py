@@ -85,8 +85,17 @@ def axis_parallel(pose: Pose, sphere_diameter: Tensor) -> View:
     focal = OBJECT_SIZE * z / sphere_diameter
     zero, one = torch.zeros_like(focal), torch.ones_like(focal)
     middle = (PATCH_SIZE - 1) / 2
-    entries = [focal, zero, middle - focal * x / z, zero, focal, middle - focal * y / z,
-               zero, zero, one]  # fmt: skip
+    entries = [
+        focal,
+        zero,
+        middle - focal * x / z,
+        zero,
+        focal,
+        middle - focal * y / z,
+        zero,
+        zero,
+        one,
+    ]
     intrinsics = torch.stack(entries, -1).reshape(*focal.shape, 3, 3)
     rotation = torch.eye(3).to(intrinsics).expand_as(intrinsics)
     return View(rotation, intrinsics, z)
@@ -166,8 +175,9 @@ def _window(image: Tensor, back: Tensor, factor: int) -> tuple[Tensor, tuple[int
     """
     height, width = image.shape[-2:]
     edge = float(PATCH_SIZE)
-    seen = [[a * x + b * y + c for x in (-1.0, edge) for y in (-1.0, edge)] for a, b, c in
-            back.tolist()]  # fmt: skip
+    seen = [
+        [a * x + b * y + c for x in (-1.0, edge) for y in (-1.0, edge)] for a, b, c in back.tolist()
+    ]
     if min(seen[2]) <= 0:  # the patch reaches behind the camera: keep the whole image
         return image[..., : _whole(height, factor), : _whole(width, factor)], (0, 0)
     u = [x / z for x, z in zip(seen[0], seen[2], strict=True)]

@@ -93,8 +93,9 @@ class CorrelationNet(nn.Module):
         self.context = conv_block(2 * c8 + g8, config.context, 1, 1)
         self.decode = deepened(
             [conv_block(offsets + config.context + 2, config.decoder), Residual(config.decoder)],
-            config.decoder, more_decoder,
-        )  # fmt: skip
+            config.decoder,
+            more_decoder,
+        )
         self.answer = nn.Conv2d(config.decoder, 4, 3, 1, 1)
         self.attend = nn.Conv2d(config.decoder, 1, 1)
         fine = config.fine
@@ -176,9 +177,7 @@ class CorrelationNet(nn.Module):
         counts = solved + values[:, :6] * _HEAD_SCALE
         confidence = values[:, 19]
         decision = Decision(values[:, 6:19], counts, torch.sigmoid(confidence), attention)
-        return CorrelationOutput(
-            matching.flatten(2).mT, coarse, fine, solved, confidence, decision
-        )  # fmt: skip
+        return CorrelationOutput(matching.flatten(2).mT, coarse, fine, solved, confidence, decision)
 
     def _solve(self, seen: Observation, depth: Tensor, cells: CellAnswer) -> Tensor:
         """The six counts (B, 6) that the cells' answers amount to."""
@@ -187,9 +186,7 @@ class CorrelationNet(nn.Module):
         weight = torch.sigmoid(cells.weight).flatten(1) * covered
         moves = cells.displacement.flatten(2).mT
         slopes = jacobian(points, seen.distance)
-        return solve_counts(
-            moves, weight, cells.shape.flatten(2).mT, slopes, self.damping.exp()
-        )  # fmt: skip
+        return solve_counts(moves, weight, cells.shape.flatten(2).mT, slopes, self.damping.exp())
 
     def _refine(
         self, shared4: Tensor, geometry4: Tensor, hidden: Tensor, coarse: CellAnswer, batch: int

@@ -84,10 +84,22 @@ def jacobian(points: Tensor, distance: Tensor) -> Tensor:
     zero = torch.zeros_like(x)
     turn = focal / z * _DEGREE
     # A turn moves the point by w × (point − centre); its z part changes the pixel through u / z.
-    du = [near, zero, u * near / OBJECT_SIZE,
-          -u * y / z * _DEGREE, turn * deep + u * x / z * _DEGREE, -turn * y]  # fmt: skip
-    dv = [zero, near, v * near / OBJECT_SIZE,
-          -turn * deep - v * y / z * _DEGREE, v * x / z * _DEGREE, turn * x]  # fmt: skip
+    du = [
+        near,
+        zero,
+        u * near / OBJECT_SIZE,
+        -u * y / z * _DEGREE,
+        turn * deep + u * x / z * _DEGREE,
+        -turn * y,
+    ]
+    dv = [
+        zero,
+        near,
+        v * near / OBJECT_SIZE,
+        -turn * deep - v * y / z * _DEGREE,
+        v * x / z * _DEGREE,
+        turn * x,
+    ]
     return torch.stack([torch.stack(du, -1), torch.stack(dv, -1)], -2)
 
 
@@ -106,9 +118,13 @@ def precision(shape: Tensor) -> Tensor:
 
 
 def solve_counts(
-    displacement: Tensor, weight: Tensor, shape: Tensor, matrix: Tensor, damping: Tensor,
+    displacement: Tensor,
+    weight: Tensor,
+    shape: Tensor,
+    matrix: Tensor,
+    damping: Tensor,
     limit: float = 40.0,
-) -> Tensor:  # fmt: skip
+) -> Tensor:
     """Counts (B, 6) whose first-order displacement fits best.
 
     `displacement` (B, M, 2) pixels, `weight` (B, M) ≥ 0, `shape` (B, M, 2) as `precision` takes it,

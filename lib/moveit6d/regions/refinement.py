@@ -100,9 +100,13 @@ class _Sight:
 
 
 def polish(
-    image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: Renderer,
+    image: Tensor,
+    intrinsics: Tensor,
+    mesh: Mesh,
+    pose: Pose,
+    renderer: Renderer,
     colours: Colours | None = None,
-) -> Polished:  # fmt: skip
+) -> Polished:
     """Fit the outline of a mesh near a centred pose to an image (3, H, W).
 
     `colours` are what the object and its surroundings looked like before; without them those of
@@ -147,9 +151,12 @@ def _look(image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: R
     patch = crop_patch(image, view, intrinsics)
     picture = (patch * 255).round().clamp(0, 255).to(torch.uint8).permute(1, 2, 0).numpy()
     return _Sight(
-        mesh, renderer, view, np.ascontiguousarray(picture),
+        mesh,
+        renderer,
+        view,
+        np.ascontiguousarray(picture),
         _seen(patch_to_image(view, intrinsics).numpy(), *image.shape[-2:]),
-    )  # fmt: skip
+    )
 
 
 def _seen(back: Numbers, height: int, width: int) -> NDArray[np.bool_]:
@@ -164,9 +171,13 @@ def _seen(back: Numbers, height: int, width: int) -> NDArray[np.bool_]:
 
 
 def _fit(
-    odds: Float, outline: Outline, depth: Float, place: _Place, focal: float,
+    odds: Float,
+    outline: Outline,
+    depth: Float,
+    place: _Place,
+    focal: float,
     scales: tuple[int, ...],
-) -> tuple[_Place, float]:  # fmt: skip
+) -> tuple[_Place, float]:
     """The place after one step a scale, with the outline of one rendering; and the agreement."""
     middle = (PATCH_SIZE - 1) / 2
     z = depth[tuple(outline.inside.T)].astype(np.float64)

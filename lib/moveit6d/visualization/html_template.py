@@ -125,12 +125,17 @@ data-frame="{{ row.frame }}" data-rank="{{ loop.index0 }}" data-says="{{ row.say
 """
 
 
-def fill(**content: Any) -> str:
+def render_page(**content: Any) -> str:
     """The page's text. What is not given is left out; `title` and `verdict` always are."""
     nothing: dict[str, Any] = {
-        "facts": {}, "curves": "", "limits": {}, "key": "", "galleries": [], "tables": [],
+        "facts": {},
+        "curves": "",
+        "limits": {},
+        "key": "",
+        "galleries": [],
+        "tables": [],
         "text": "",
-    }  # fmt: skip
+    }
     text: str = _template().render(**{**nothing, "style": STYLE, "script": SCRIPT, **content})
     return text
 

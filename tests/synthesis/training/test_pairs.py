@@ -57,9 +57,11 @@ def test_the_counts_take_the_rendering_to_the_observed_object(
     seen = batch.observation
     pixels = cell_pixels(4)
     moved = move_points(
-        surface_points(seen.depth, seen.distance, pixels), seen.distance, batch.counts,
+        surface_points(seen.depth, seen.distance, pixels),
+        seen.distance,
+        batch.counts,
         batch.direction,
-    )  # fmt: skip
+    )
     on_object = seen.mask[:, 0, pixels[:, 1], pixels[:, 0]] > 0
     goal = project_points(moved, seen.distance).round().long().clamp(0, 127)
     sample = torch.arange(8)[:, None]

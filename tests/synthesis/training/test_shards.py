@@ -32,7 +32,7 @@ PLAN = ShardPlan(shards=5, batches=2, batch_size=2, seed=3)
 
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> PairSource:
-    """Three pictures and one made shape a shard."""
+    """Three pictures and one procedural shape a shard."""
     return small_source(tmp_path_factory.mktemp("photos"))
 
 

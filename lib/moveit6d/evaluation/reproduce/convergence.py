@@ -27,7 +27,7 @@ from ...policies import Policy
 from ...rendering.renderer import Renderer
 from .. import metrics
 from . import published_figures as published
-from .outcome import Cell, Curve, LineChart, Outcome, Table, mean
+from .reproduction import Cell, Curve, LineChart, Reproduction, Table, mean
 
 POINTS = 1000
 
@@ -40,7 +40,7 @@ class Reading(StrEnum):
 
 
 @dataclass(frozen=True)
-class Trial:
+class ConvergenceTrial:
     """One start: the reading, m and frame, ADD(-S) in diameters before and after, steps.
 
     `after` is infinite for a loop that did not end by itself within the limit; `before` for a start
@@ -111,7 +111,9 @@ def frames_of(video: Video, plan: Plan) -> list[int]:
     return [known[k] for k in chosen]
 
 
-def run(video: Video, policy: Policy, renderer: Renderer, plan: Plan) -> Iterator[list[Trial]]:
+def run(
+    video: Video, policy: Policy, renderer: Renderer, plan: Plan
+) -> Iterator[list[ConvergenceTrial]]:
     """All trials of one frame after the other."""
     mesh = video.load_mesh()
     points = torch.from_numpy(mesh.sample_points(POINTS))
@@ -132,9 +134,16 @@ def run(video: Video, policy: Policy, renderer: Renderer, plan: Plan) -> Iterato
 
 
 def _trials(
-    video: Video, mesh: Mesh, points: Tensor, frame: Frame, cases: list[tuple[Reading, int]],
-    signs: Tensor, policy: Policy, renderer: Renderer, plan: Plan,
-) -> list[Trial]:  # fmt: skip
+    video: Video,
+    mesh: Mesh,
+    points: Tensor,
+    frame: Frame,
+    cases: list[tuple[Reading, int]],
+    signs: Tensor,
+    policy: Policy,
+    renderer: Renderer,
+    plan: Plan,
+) -> list[ConvergenceTrial]:
     truth = video.truth[frame.index].to(torch.float64)
     inner = mesh.inner(truth)
     many = Pose(inner.rotation.expand(len(cases), 3, 3), inner.translation.expand(len(cases), 3))
@@ -147,9 +156,15 @@ def _trials(
         if out_of_sight(moved.translation[k], mesh.sphere_diameter, picture.camera) is None
     ]
     targets = [Target(picture, video.camera, mesh, mesh.outer(moved[k])) for k in seen]
-    results = dict(zip(seen, refine_batch(
-        targets, policy=policy, renderer=renderer, max_steps=plan.max_steps, step=plan.step
-    ), strict=True))  # fmt: skip
+    results = dict(
+        zip(
+            seen,
+            refine_batch(
+                targets, policy=policy, renderer=renderer, max_steps=plan.max_steps, step=plan.step
+            ),
+            strict=True,
+        )
+    )
 
     def error(pose: Pose) -> float:
         return float(metrics.add_s(pose, truth, points, video.symmetric)) / mesh.diameter
@@ -162,11 +177,13 @@ def _trials(
             before, steps = error(mesh.outer(moved[k])), result.steps
             if result.pose is not None and result.stopped_by is not StopReason.MAX_STEPS:
                 after = error(result.pose)
-        found.append(Trial(reading, m, frame.index, before, after, steps))
+        found.append(ConvergenceTrial(reading, m, frame.index, before, after, steps))
     return found
 
 
-def outcome(trials: Sequence[Trial], data: str, facts: dict[str, object]) -> Outcome:
+def reproduction(
+    trials: Sequence[ConvergenceTrial], data: str, facts: dict[str, object]
+) -> Reproduction:
     """Figure `fig:robustness`: ADD score and steps of the loops that came back, against m."""
     rows: list[tuple[Cell, ...]] = []
     curves: list[Curve] = []
@@ -182,14 +199,26 @@ def outcome(trials: Sequence[Trial], data: str, facts: dict[str, object]) -> Out
                 curves.append(Curve(f"{label}, {reading.value}", x, y, right))
     stated = tuple(zip(*published.CONVERGENCE_ADD.items(), strict=True))
     curves.append(Curve("paper's ADD score", stated[0], stated[1], dots=True))
-    head = ("reading", "m", "units an axis", "starts", "start ADD % d", "ADD<10%d",
-            "steps where right", "paper ADD<10%d")  # fmt: skip
+    head = (
+        "reading",
+        "m",
+        "units an axis",
+        "starts",
+        "start ADD % d",
+        "ADD<10%d",
+        "steps where right",
+        "paper ADD<10%d",
+    )
     title = "ADD score and steps against the deviation (fig:robustness)"
     chart = LineChart(
-        "convergence", "Robustness to the start", "m", "ADD < 10 % d, %", tuple(curves),
+        "convergence",
+        "Robustness to the start",
+        "m",
+        "ADD < 10 % d, %",
+        tuple(curves),
         "steps of the loops that came back",
-    )  # fmt: skip
-    return Outcome(
+    )
+    return Reproduction(
         "convergence",
         "Convergence from deviated starts (Eq. 3)",
         data,
@@ -206,7 +235,7 @@ def outcome(trials: Sequence[Trial], data: str, facts: dict[str, object]) -> Out
 
 
 def _row(
-    m: int, reading: Reading, trials: Sequence[Trial]
+    m: int, reading: Reading, trials: Sequence[ConvergenceTrial]
 ) -> tuple[str, int, int, int, float | None, float, float | None, float | None]:
     mine = [trial for trial in trials if trial.m == m]
     before = mean([100 * trial.before for trial in mine if np.isfinite(trial.before)])

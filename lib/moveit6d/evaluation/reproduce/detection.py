@@ -24,14 +24,14 @@ from ...geometry.pose import Pose
 from .. import metrics
 from . import published_figures as published
 from .convergence import POINTS, Plan, frames_of
-from .outcome import Cell, Curve, LineChart, Outcome, Panel, Sheet, Table, mean
+from .reproduction import Cell, Curve, LineChart, Panel, Reproduction, Sheet, Table, mean
 
 TURNS = tuple(range(-45, 46, 3))  # degrees about the viewing axis, for the last curve
 FOUND = 0.5  # of the object's width: a sink nearer than this to the true centre is the object's
 
 
 @dataclass(frozen=True)
-class Trial:
+class DetectionTrial:
     """One frame. Errors in diameters (ADD(-S)) and degrees; infinite where there is no pose.
 
     `rank` is the object's place among those looked into, from 1 (None: not among them); `size` the
@@ -62,7 +62,7 @@ class Example:
 
 def run(
     videos: Sequence[Video], make: Mapping[str, PoseDetector], frames: int
-) -> Iterator[tuple[Trial, Image, Detection]]:
+) -> Iterator[tuple[DetectionTrial, Image, Detection]]:
     """Detect in `frames` frames of every sequence; `make` holds each sequence's detector."""
     for video in videos:
         detector = make[video.name]
@@ -82,9 +82,14 @@ def run(
 
 
 def _judged(
-    video: Video, frame: int, found: Detection, detector: PoseDetector, truth: Pose,
-    points: Tensor, seconds: float,
-) -> Trial:  # fmt: skip
+    video: Video,
+    frame: int,
+    found: Detection,
+    detector: PoseDetector,
+    truth: Pose,
+    points: Tensor,
+    seconds: float,
+) -> DetectionTrial:
     """One frame's figures: what each judge chose among the same candidates."""
 
     def error(candidate: Candidate | None) -> float:
@@ -100,7 +105,7 @@ def _judged(
 
     chosen = {judge: best_of(found.candidates, judge) for judge in Judge}
     rank, size = _sink_of(found, detector, truth)
-    return Trial(
+    return DetectionTrial(
         video=video.name,
         frame=frame,
         rank=rank,
@@ -143,22 +148,38 @@ def turned_starts(
     return tuple(float(result.steps) for result in results), tuple(ways)
 
 
-def outcome(
-    trials: Sequence[Trial], example: Example, data: str, facts: Mapping[str, object]
-) -> Outcome:
+def reproduction(
+    trials: Sequence[DetectionTrial], example: Example, data: str, facts: Mapping[str, object]
+) -> Reproduction:
     """Figure `fig:detect` of one frame, and figures of all frames for both judges."""
     rows: list[tuple[Cell, ...]] = []
     for trial in trials:
         adds = [_percent(trial.add[judge]) for judge in Judge]
         turns = [trial.rotation[judge] for judge in Judge]
-        rows.append((trial.video, trial.frame, trial.rank, trial.size, *adds, *turns,
-                     _percent(trial.best), trial.seconds))  # fmt: skip
-    head = ("sequence", "frame", "rank of its sink", "best size tried / true",
-            *(f"ADD % d, {judge.value}" for judge in Judge),
-            *(f"rotation deg, {judge.value}" for judge in Judge),
-            "best candidate ADD % d", "seconds")  # fmt: skip
+        rows.append(
+            (
+                trial.video,
+                trial.frame,
+                trial.rank,
+                trial.size,
+                *adds,
+                *turns,
+                _percent(trial.best),
+                trial.seconds,
+            )
+        )
+    head = (
+        "sequence",
+        "frame",
+        "rank of its sink",
+        "best size tried / true",
+        *(f"ADD % d, {judge.value}" for judge in Judge),
+        *(f"rotation deg, {judge.value}" for judge in Judge),
+        "best candidate ADD % d",
+        "seconds",
+    )
     frames = Table("frames", "Frame by frame", head, tuple(rows))
-    return Outcome(
+    return Reproduction(
         "detection",
         "Detection without a start (Initialization & Detection)",
         data,
@@ -188,7 +209,7 @@ def _sink_of(
     return None, None
 
 
-def _summary(trials: Sequence[Trial]) -> Table:
+def _summary(trials: Sequence[DetectionTrial]) -> Table:
     number = len(trials)
 
     def share(hits: Sequence[bool]) -> float:
@@ -229,9 +250,13 @@ def _sheet(example: Example) -> Sheet:
         x_way, y_way = zip(*way, strict=True)
         curves.append(Curve("way, single actions", x_way, y_way, right=True))
     chart = LineChart(
-        "turned", "", "start turned about the viewing axis (r_z), degrees", "steps to stop",
-        tuple(curves), "way in single actions",
-    )  # fmt: skip
+        "turned",
+        "",
+        "start turned about the viewing axis (r_z), degrees",
+        "steps to stop",
+        tuple(curves),
+        "way in single actions",
+    )
     return Sheet(
         "detection",
         "Detection",

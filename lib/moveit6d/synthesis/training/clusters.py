@@ -40,9 +40,13 @@ class ClusterConfig:
     def shares(self) -> tuple[float, ...]:
         """Shares in the order of `CLUSTERS`."""
         return (
-            self.one_small, self.one_large, self.one_large_rest_small,
-            self.all_small, self.all_large, self.near,
-        )  # fmt: skip
+            self.one_small,
+            self.one_large,
+            self.one_large_rest_small,
+            self.all_small,
+            self.all_large,
+            self.near,
+        )
 
 
 CLUSTERS = ("one_small", "one_large", "one_large_rest_small", "all_small", "all_large", "near")

@@ -23,7 +23,7 @@ from ...observation import Observation
 from ...rendering.embree import EmbreeRenderer
 from ...rendering.renderer import GBuffer
 from ...rendering.shading import shade_plain
-from ..augmentation.augment import AugmentConfig, Dice
+from ..augmentation.augment import AugmentConfig, RandomSource
 from ..augmentation.composing import Composer
 from ..augmentation.hands import HandConfig
 from ..augmentation.lighting import LightConfig
@@ -94,8 +94,8 @@ class PairGenerator:
         self.random = np.random.default_rng(seed)
         self.generator = torch.Generator().manual_seed(int(self.random.integers(2**62)))
         self.renderer = EmbreeRenderer()
-        self.dice = Dice(self.generator)
-        self.composer = Composer(photos, config.augment, config.lights, self.random, self.dice)
+        self.rng = RandomSource(self.generator)
+        self.composer = Composer(photos, config.augment, config.lights, self.random, self.rng)
         self.composer.use_bank(config.bank, occluders or meshes, self.renderer, config.distance)
         self.composer.use_hands(config.hands, self.renderer)
 
@@ -194,10 +194,10 @@ class PairGenerator:
 
     def _rendering(self, rendered: GBuffer) -> Tensor:
         """The start's rendering (B, 3, 128, 128) in colours that are not quite the object's."""
-        batch, dice = len(rendered.mask), self.dice
-        gain = dice.uniform(batch, 3, 1, 1, between=(-1.0, 1.0)) * self.config.texture_gain
+        batch, rng = len(rendered.mask), self.rng
+        gain = rng.uniform(batch, 3, 1, 1, between=(-1.0, 1.0)) * self.config.texture_gain
         if self.config.texture_wave > 0:
-            coarse = dice.uniform(batch, 3, 4, 4, between=(-1.0, 1.0)) * self.config.texture_wave
+            coarse = rng.uniform(batch, 3, 4, 4, between=(-1.0, 1.0)) * self.config.texture_wave
             gain = gain + functional.interpolate(
                 coarse, (PATCH_SIZE, PATCH_SIZE), mode="bilinear", align_corners=True
             )

@@ -199,13 +199,24 @@ def _packed(batch: TrainingBatch) -> dict[str, Tensor]:
 def _unpacked(stored: dict[str, Any]) -> TrainingBatch:
     mask, true_mask, clear = (_floats(stored[name]) for name in ("mask", "true_mask", "clear"))
     observation = Observation(
-        stored["image"].float() / 255, stored["rendering"].float() / 255,
-        stored["depth"].float(), mask, stored["distance"],
-    )  # fmt: skip
+        stored["image"].float() / 255,
+        stored["rendering"].float() / 255,
+        stored["depth"].float(),
+        mask,
+        stored["distance"],
+    )
     return TrainingBatch(
-        observation, stored["counts"], stored["true_depth"].float(), true_mask, true_mask * clear,
-        clear, stored["mesh"], stored["zoom"], stored["rotation"], stored["direction"],
-    )  # fmt: skip
+        observation,
+        stored["counts"],
+        stored["true_depth"].float(),
+        true_mask,
+        true_mask * clear,
+        clear,
+        stored["mesh"],
+        stored["zoom"],
+        stored["rotation"],
+        stored["direction"],
+    )
 
 
 def _bits(mask: Tensor) -> Tensor:

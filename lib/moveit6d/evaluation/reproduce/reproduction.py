@@ -109,7 +109,7 @@ Chart = LineChart | BarChart | Sheet
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Reproduction:
     """One reproduction. `data` says in words what it was run on; `facts` are settings."""
 
     name: str
@@ -129,17 +129,21 @@ class Outcome:
         return "\n".join(parts)
 
 
-def write_outcome(outcome: Outcome, folder: Path) -> list[Path]:
+def write_reproduction(reproduction: Reproduction, folder: Path) -> list[Path]:
     """Write NAME.md, NAME.json and a CSV a table; the paths written.
 
     With one table the CSV is NAME.csv, with several NAME_TABLE.csv. Each file appears whole.
     """
-    written = [folder / f"{outcome.name}.md", folder / f"{outcome.name}.json"]
+    written = [folder / f"{reproduction.name}.md", folder / f"{reproduction.name}.json"]
     with replacing(written[0]) as temporary:
-        temporary.write_text(outcome.markdown(), encoding="utf-8")
-    write_json(written[1], _content(outcome))
-    for table in outcome.tables:
-        stem = outcome.name if len(outcome.tables) == 1 else f"{outcome.name}_{table.name}"
+        temporary.write_text(reproduction.markdown(), encoding="utf-8")
+    write_json(written[1], _content(reproduction))
+    for table in reproduction.tables:
+        stem = (
+            reproduction.name
+            if len(reproduction.tables) == 1
+            else f"{reproduction.name}_{table.name}"
+        )
         written.append(folder / f"{stem}.csv")
         with replacing(written[-1]) as temporary:
             temporary.write_text(table.csv(), encoding="utf-8")
@@ -152,21 +156,23 @@ def mean(values: Sequence[float | None]) -> float | None:
     return float(np.mean(known)) if known else None
 
 
-def _content(outcome: Outcome) -> dict[str, Any]:
+def _content(reproduction: Reproduction) -> dict[str, Any]:
     """Everything but pictures."""
-    curves = {chart.name: asdict(chart) for chart in outcome.charts if not isinstance(chart, Sheet)}
+    curves = {
+        chart.name: asdict(chart) for chart in reproduction.charts if not isinstance(chart, Sheet)
+    }
     tables = {
         table.name: [dict(zip(table.head, row, strict=True)) for row in table.rows]
-        for table in outcome.tables
+        for table in reproduction.tables
     }
     return {
-        "name": outcome.name,
-        "title": outcome.title,
-        "data": outcome.data,
-        "facts": dict(outcome.facts),
+        "name": reproduction.name,
+        "title": reproduction.title,
+        "data": reproduction.data,
+        "facts": dict(reproduction.facts),
         "tables": tables,
         "charts": curves,
-        "notes": list(outcome.notes),
+        "notes": list(reproduction.notes),
     }
 
 
