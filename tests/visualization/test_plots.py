@@ -9,14 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from moveit6d.evaluation.reproduce.reproduction import (
-    BarChart,
-    Chart,
-    Curve,
-    LineChart,
-    Panel,
-    Sheet,
-)
+from moveit6d.visualization.charts import BarChart, Chart, Curve, LineChart, Panel, Sheet
 from moveit6d.visualization.plots import draw
 
 LINES = LineChart(

@@ -42,14 +42,12 @@ class Protocol:
         name: what tables and options call it.
         reset_every: give the true pose in every frame whose number this divides; None never.
         reset_on: whose rule says that a track is lost; None no one's.
-        count_resets: whether frames whose pose was given count in scores (with an error of 0).
         max_steps: cycles a frame at most in the published runs. Whoever makes the tracker decides.
     """
 
     name: str
     reset_every: int | None = None
     reset_on: Literal["rbot", "laval"] | None = None
-    count_resets: bool = False
     max_steps: int = 30
 
     def __post_init__(self) -> None:
@@ -62,15 +60,11 @@ NO_RESET = Protocol("none")
 # The paper's: "reset the pose estimation with the annotated pose every 15 frames".
 PAPER = Protocol("paper", reset_every=15)
 # DLR-RM/3DObjectTracking, rbot_evaluator.cpp. No frame is given, so that all count.
-RBOT = Protocol("rbot", reset_on="rbot", count_resets=True)
-# The Laval authors' test loop, for their sequences `interaction_hard`.
+RBOT = Protocol("rbot", reset_on="rbot")
+# The Laval authors' test loop for their sequences `interaction_hard`; for all others they reset
+# every 15 frames.
 LAVAL = Protocol("laval", reset_on="laval")
 PROTOCOLS = {protocol.name: protocol for protocol in (NO_RESET, PAPER, RBOT, LAVAL)}
-
-
-def laval_protocol(sequence: str) -> Protocol:
-    """What the Laval benchmark does with a sequence of that name."""
-    return LAVAL if "interaction_hard" in sequence else PAPER
 
 
 def is_given(row: PoseRow) -> bool:

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..evaluation.reproduce.reproduction import BarChart, Chart, LineChart, Panel, Sheet
 from ..io import replacing
+from .charts import BarChart, Chart, LineChart, Panel, Sheet
 
 KINDS = ("png", "svg")
 DOTS_AN_INCH = 130

@@ -13,7 +13,6 @@ from moveit6d.datasets.sequences import Sequence, read_sequences
 from moveit6d.estimation import Judge, PoseDetector, SearchConfig
 from moveit6d.evaluation.iteration_timing import IterationTimes
 from moveit6d.evaluation.reproduce import attention, detection, runtime
-from moveit6d.evaluation.reproduce.reproduction import Sheet
 from moveit6d.evaluation.reproduce.tracks import ScoredTrack
 from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.pose import Pose
@@ -21,6 +20,7 @@ from moveit6d.networks.decision import Decision
 from moveit6d.observation import Observation
 from moveit6d.policies import MoveMode, OraclePolicy, Situation
 from moveit6d.rendering.renderer import make_renderer
+from moveit6d.visualization.charts import Sheet
 
 
 @pytest.fixture

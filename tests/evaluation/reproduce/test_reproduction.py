@@ -4,16 +4,8 @@ import csv
 import json
 from pathlib import Path
 
-from moveit6d.evaluation.reproduce.reproduction import (
-    Curve,
-    LineChart,
-    Panel,
-    Reproduction,
-    Sheet,
-    Table,
-    mean,
-    write_reproduction,
-)
+from moveit6d.evaluation.reproduce.reproduction import Reproduction, Table, mean, write_reproduction
+from moveit6d.visualization.charts import Curve, LineChart, Panel, Sheet
 
 TABLE = Table("main", "Errors", ("object", "ours", "n"), (("cup", 1 / 3, 4), ("pan", None, 0)))
 

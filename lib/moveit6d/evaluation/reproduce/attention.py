@@ -22,9 +22,10 @@ from ...geometry.pose import Pose
 from ...observation import Observation, observe
 from ...policies import Policy, Situation
 from ...rendering.renderer import Renderer
+from ...visualization.charts import Panel, Sheet
 from . import published_figures as published
 from .convergence import Plan, frames_of
-from .reproduction import Cell, Panel, Reproduction, Sheet, Table
+from .reproduction import Cell, Reproduction, Table
 
 OFFSET = (6.0, -4.0, 3.0, 4.0, -5.0, 6.0)  # counts of the start from the truth
 

@@ -25,9 +25,10 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...policies import Policy
 from ...rendering.renderer import Renderer
+from ...visualization.charts import Curve, LineChart
 from .. import metrics
 from . import published_figures as published
-from .reproduction import Cell, Curve, LineChart, Reproduction, Table, mean
+from .reproduction import Cell, Reproduction, Table, mean
 
 POINTS = 1000
 

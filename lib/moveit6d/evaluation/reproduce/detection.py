@@ -21,10 +21,11 @@ from ...estimation import Detection, Judge, PoseDetector, Target, refine_batch
 from ...estimation.detector import Candidate, best_of
 from ...estimation.frame import prepare_frame
 from ...geometry.pose import Pose
+from ...visualization.charts import Curve, LineChart, Panel, Sheet
 from .. import metrics
 from . import published_figures as published
 from .convergence import POINTS, Plan, frames_of
-from .reproduction import Cell, Curve, LineChart, Panel, Reproduction, Sheet, Table, mean
+from .reproduction import Cell, Reproduction, Table, mean
 
 TURNS = tuple(range(-45, 46, 3))  # degrees about the viewing axis, for the last curve
 FOUND = 0.5  # of the object's width: a sink nearer than this to the true centre is the object's

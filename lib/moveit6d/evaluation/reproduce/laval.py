@@ -14,9 +14,10 @@ from torch import Tensor
 
 from ...datasets.sequences import Sequence as Video
 from ...errors import InputError
+from ...visualization.charts import Curve, LineChart
 from .. import metrics
 from . import published_figures as published
-from .reproduction import Cell, Curve, LineChart, Reproduction, Table, mean
+from .reproduction import Cell, Reproduction, Table, mean
 from .tracks import ScoredTrack
 
 GROUPS = {f"occlusion_{level}": level for level in published.LAVAL_LEVELS}

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...io import replacing, write_json
+from ...visualization.charts import Chart, Sheet
 from ..tables import markdown
 
 Cell = float | int | str | None
@@ -43,69 +43,6 @@ class Table:
         writer.writerow(self.head)
         writer.writerows(["" if cell is None else cell for cell in row] for row in self.rows)
         return out.getvalue()
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Points (x, y) of one line; `right` puts it on a second axis, `dots` draws no line."""
-
-    label: str
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-    right: bool = False
-    dots: bool = False
-
-
-@dataclass(frozen=True)
-class LineChart:
-    """Curves over one x axis, and perhaps a second y axis on the right."""
-
-    name: str
-    title: str
-    x_label: str
-    y_label: str
-    curves: tuple[Curve, ...]
-    right_label: str = ""
-
-
-@dataclass(frozen=True)
-class BarChart:
-    """Groups of bars: for each series a value a category, None for no bar."""
-
-    name: str
-    title: str
-    y_label: str
-    categories: tuple[str, ...]
-    series: Mapping[str, tuple[float | None, ...]]
-
-
-@dataclass(frozen=True)
-class Panel:
-    """One picture of a sheet: RGB uint8 (H, W, 3) or a heat map (H, W) of floats.
-
-    `arrows` (N, 4) are x, y and direction, `crosses` (N, 2) marked places, `box` is left, top,
-    right, bottom; all in pixels of the picture. `lines` is drawn instead of a picture.
-    """
-
-    title: str
-    picture: NDArray[Any] | None = None
-    arrows: NDArray[np.float64] | None = None
-    crosses: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    box: tuple[float, float, float, float] | None = None
-    lines: LineChart | None = None
-
-
-@dataclass(frozen=True)
-class Sheet:
-    """Pictures beside each other, row by row."""
-
-    name: str
-    title: str
-    columns: int
-    panels: tuple[Panel, ...]
-
-
-Chart = LineChart | BarChart | Sheet
 
 
 @dataclass(frozen=True)

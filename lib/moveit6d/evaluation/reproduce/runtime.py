@@ -9,9 +9,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ...visualization.charts import BarChart
 from ..iteration_timing import IterationTimes
 from . import published_figures as published
-from .reproduction import BarChart, Cell, Reproduction, Table
+from .reproduction import Cell, Reproduction, Table
 from .tracks import ScoredTrack
 
 PREPARE = ("crop", "observe")

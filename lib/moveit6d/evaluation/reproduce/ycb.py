@@ -15,10 +15,11 @@ import torch
 from torch import Tensor
 
 from ...geometry.pose import Pose
+from ...visualization.charts import BarChart
 from .. import metrics
 from ..metrics.auc import exact_auc, voc_auc
 from . import published_figures as published
-from .reproduction import BarChart, Cell, Reproduction, Table, mean
+from .reproduction import Cell, Reproduction, Table, mean
 from .tracks import ScoredTrack
 
 # Points of the surface, where the data set brings none.
