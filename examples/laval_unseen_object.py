@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             frame.index,
             frame.name,
             result.pose,
-            result.steps,
+            result.iterations,
             result.stopped_by.value,
             result.confidence,
             result.milliseconds,

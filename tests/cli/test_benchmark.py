@@ -184,7 +184,7 @@ def test_resuming_does_only_what_is_not_done_the_same_way(
     names = sorted(path.name for path in report.iterdir())
     assert names == ["easy_00.html", "hard_01.html", "index.html"]
     assert main(again) == 0 and len(calls) == 3
-    assert main([*again, "--max_steps", "1"]) == 0 and len(calls) == 9
+    assert main([*again, "--max_iterations", "1"]) == 0 and len(calls) == 9
     assert main([*again, "--float32"]) == 0 and len(calls) == 15
 
 
@@ -259,7 +259,7 @@ def test_two_processes_with_one_killed_give_the_same_tracks(
         str(made.folder.parent),
         "--weights",
         str(weights),
-        "--max_steps",
+        "--max_iterations",
         "2",
         "--output",
     ]
@@ -280,7 +280,9 @@ def test_two_processes_with_one_killed_give_the_same_tracks(
     assert not list((tmp_path / "two").glob(".*")), "a killed worker leaves nothing behind"
 
 
-def test_the_parts_of_a_cycle_are_printed(sequences: Path, brick_file: Path, capsys: Any) -> None:
+def test_the_parts_of_an_iteration_are_printed(
+    sequences: Path, brick_file: Path, capsys: Any
+) -> None:
     assert (
         main(
             [
@@ -297,6 +299,6 @@ def test_the_parts_of_a_cycle_are_printed(sequences: Path, brick_file: Path, cap
         == 0
     )
     text = capsys.readouterr().out
-    for part in ("crop", "render", "observe", "network", "move", "sum", "whole cycle"):
+    for part in ("crop", "render", "observe", "network", "move", "sum", "whole iteration"):
         assert part in text
     assert "1 threads" in text and "median of 2" in text

@@ -15,9 +15,19 @@ from moveit6d.cli.main import main
 from moveit6d.errors import InputError, RenderingUnavailable, WeightsError
 
 VERBS = [
-    "track", "refine", "detect", "evaluate", "benchmark", "reproduce", "synthesize", "fit", "demo",
-    "doctor", "contact-sheet", "write-pairs",
-]  # fmt: skip
+    "track",
+    "refine",
+    "detect",
+    "evaluate",
+    "benchmark",
+    "reproduce",
+    "synthesize",
+    "fit",
+    "demo",
+    "doctor",
+    "contact-sheet",
+    "write-pairs",
+]
 
 
 def printed(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -49,7 +59,9 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert printed(["--version"], capsys) == f"moveit6d {__version__}\n"
 
 
-@pytest.mark.parametrize("arguments", [[], ["dance"], ["track"], ["track", "--max_steps", "0"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["dance"], ["track"], ["track", "--max_iterations", "0"]]
+)
 def test_wrong_arguments_are_bad_input(
     arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -28,7 +28,7 @@ taken to be in the picture. It takes seconds to minutes; a given start is always
 files written to --output:
   pose.json     the pose found: start of `moveit6d track`
   overlay.png   outline and axes drawn on the image
-  detection.json  confidence, steps, the places looked into, versions
+  detection.json  confidence, iterations, the places looked into, versions
 """
 
 EPILOG = """\
@@ -36,7 +36,7 @@ examples:
   moveit6d detect --mesh drill.glb --mesh_unit m --image frames/000000.jpg \\
       --camera camera.json --output found
   moveit6d detect --mesh drill.glb --mesh_unit m --image first.png --camera camera.json \\
-      --output found --judge steps --rotations 120
+      --output found --criterion iterations --rotations 120
 """
 
 
@@ -49,10 +49,10 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--camera", type=Path, required=True, metavar="FILE", help="intrinsics")
     parser.add_argument("--output", type=Path, required=True, metavar="DIR", help="for results")
     parser.add_argument(
-        "--judge",
-        choices=("confidence", "steps"),
+        "--criterion",
+        choices=("confidence", "iterations"),
         default="confidence",
-        help="how the best candidate is told: by the network's confidence, or by fewest steps",
+        help="chooses the best candidate: the network's confidence, or the fewest iterations",
     )
     parser.add_argument(
         "--sizes",
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
 
     from ..datasets.pose_files import read_camera, write_pose
     from ..datasets.video import ImageList
-    from ..estimation import PoseDetector, SearchConfig
+    from ..estimation import DetectorConfig, PoseDetector
     from ..geometry.mesh import Mesh
     from ..io import replacing, write_json
     from ..visualization.overlay import draw_pose
@@ -84,18 +84,18 @@ def run(args: argparse.Namespace) -> int:
     frame = next(iter(ImageList((args.image,))))
     if frame.image is None:
         raise InputError(f"{args.image}: {frame.error}")
-    search = SearchConfig(
+    config = DetectorConfig(
         tuple(args.sizes), sinks=args.sinks, rotations=args.rotations, seed=args.seed
     )
     policy, renderer = set_up(args)
     detector = PoseDetector(
         mesh,
         camera,
-        judge=args.judge,
-        search=search,
+        criterion=args.criterion,
+        config=config,
         policy=policy,
         renderer=renderer,
-        max_steps=args.max_steps,
+        max_iterations=args.max_iterations,
     )
     found = detector.detect(frame.image)
     if found.result is None or found.pose is None:
@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
         Image.fromarray(draw_pose(frame.image, mesh, found.pose, camera, renderer)).save(temporary)
     facts = {
         "confidence": found.result.confidence,
-        "steps": found.result.steps,
+        "iterations": found.result.iterations,
         "candidates": len(found.candidates),
         "sinks": [
             {"pixel": s.centre.tolist(), "strength": s.strength, "size": s.size}

@@ -174,7 +174,7 @@ def refine_image(
     picture = dataset.image(scene, image)
     camera = dataset.camera(scene, image, (picture.shape[1], picture.shape[0]))
     start = time.perf_counter()
-    frame = prepare_frame(picture, camera)  # once, for the loop and for the last word
+    frame = prepare_frame(picture, camera)  # once, for the loop and for the contour refinement
     targets = [Target(frame, camera, dataset.mesh(e.object), e.pose) for e in estimates]
     results: list[TrackingResult] = []
     for first in range(0, len(targets), job.batch):
@@ -210,9 +210,9 @@ def _refine(
             targets,
             policy=policy,
             renderer=renderer,
-            max_steps=setting.max_steps,
-            search=setting.search,
-            regions=setting.regions,
+            max_iterations=setting.max_iterations,
+            multi_start=setting.multi_start,
+            contour=setting.contour,
         )
     except InputError as error:
         if len(targets) == 1:

@@ -84,7 +84,7 @@ def _add_own(parser: argparse.ArgumentParser, name: str) -> None:
         parser.add_argument("--reading", choices=("formula", "total"), help="only this reading")
     if name == "runtime":
         parser.add_argument(
-            "--repeats", type=positive, default=512, metavar="N", help="cycles that are timed"
+            "--repeats", type=positive, default=512, metavar="N", help="iterations that are timed"
         )
     if name == "attention":
         parser.add_argument(
@@ -139,11 +139,11 @@ def _opened(args: argparse.Namespace) -> tuple[list[Sequence], str]:
 def _tools(
     args: argparse.Namespace, weights: Path | None, mode: str | None
 ) -> tuple[Policy, Renderer]:
-    from ..policies import MoveMode
+    from ..policies import ActionMode
 
     policy, renderer = set_up(argparse.Namespace(**{**vars(args), "weights": weights}))
     if mode is not None:
-        policy.mode = MoveMode(mode)
+        policy.mode = ActionMode(mode)
     return policy, renderer
 
 
@@ -154,7 +154,7 @@ def _facts(args: argparse.Namespace, policy: Policy, weights: Path | None) -> di
         "mode": policy.mode.value,
         "float32": args.float32,
         "renderer": args.renderer,
-        "max_steps": args.max_steps,
+        "max_iterations": args.max_iterations,
         "only": sorted(args.only or []),
         "versions": versions(),
     }
@@ -174,8 +174,8 @@ def _tracks(
     from ..evaluation.reproduce.tracks import TrackSettings, run_tracks
 
     policy, renderer = _tools(args, weights, args.mode)
-    limit = args.max_steps or PAPER.max_steps
-    facts = {**_facts(args, policy, weights), "max_steps": limit, "protocol": PAPER.name}
+    limit = args.max_iterations or PAPER.max_iterations
+    facts = {**_facts(args, policy, weights), "max_iterations": limit, "protocol": PAPER.name}
 
     def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker:
         return PoseTracker(
@@ -184,8 +184,8 @@ def _tracks(
             start,
             policy=policy,
             renderer=renderer,
-            max_steps=limit,
-            regions=False,  # the paper has no such thing
+            max_iterations=limit,
+            contour=False,  # the paper has no such thing
         )
 
     kept = {k: v for k, v in facts.items() if k not in ("only", "versions")}
@@ -232,7 +232,7 @@ def _convergence(args: argparse.Namespace) -> Reproduction:
     policy, renderer = _tools(args, args.weights, args.mode or "single")
     readings = tuple(convergence.Reading) if args.reading is None else (args.reading,)
     given: dict[str, Any] = {} if args.m is None else {"ms": tuple(args.m)}
-    given |= {} if args.max_steps is None else {"max_steps": args.max_steps}
+    given |= {} if args.max_iterations is None else {"max_iterations": args.max_iterations}
     plan = convergence.Plan(
         readings=tuple(map(convergence.Reading, readings)), frames=args.frames, **given
     )
@@ -242,7 +242,11 @@ def _convergence(args: argparse.Namespace) -> Reproduction:
         number = len(convergence.frames_of(video, plan))
         for found in progress(runs, number, video.name):
             trials += found
-    facts = {**_facts(args, policy, args.weights), "step": plan.step, "max_steps": plan.max_steps}
+    facts = {
+        **_facts(args, policy, args.weights),
+        "step": plan.step,
+        "max_iterations": plan.max_iterations,
+    }
     return convergence.reproduction(trials, data, facts)
 
 
@@ -262,13 +266,15 @@ def _runtime(args: argparse.Namespace) -> Reproduction:
     assert mesh is not None
     policy, renderer = _tools(args, args.weights, args.mode)
     count = args.repeats + WARM_UP
-    times = time_iteration(mesh, policy, renderer, progress(range(count), count, "cycle", "cycle"))
+    times = time_iteration(
+        mesh, policy, renderer, progress(range(count), count, "iteration", "iteration")
+    )
     facts = {
         **_facts(args, policy, args.weights),
         "object": mesh.name,
         "faces": len(mesh.faces),
         "threads": args.threads,
-        "cycles": args.repeats,
+        "iterations": args.repeats,
     }
     return runtime.reproduction(times, tracks, data, facts)
 
@@ -290,21 +296,21 @@ def _attention(args: argparse.Namespace) -> Reproduction:
 
 
 def _detection(args: argparse.Namespace) -> Reproduction:
-    from ..estimation import PoseDetector, SearchConfig
+    from ..estimation import DetectorConfig, PoseDetector
     from ..evaluation.reproduce import detection
 
     videos, data = _opened(args)
     policy, renderer = _tools(args, args.weights, args.mode)
-    search = SearchConfig(tuple(args.sizes), args.poses, args.sinks, args.rotations)
+    config = DetectorConfig(tuple(args.sizes), args.poses, args.sinks, args.rotations)
     detectors = {
         video.name: PoseDetector(
             video.load_mesh(),
             video.camera,
-            judge="steps",
-            search=search,
+            criterion="iterations",
+            config=config,
             policy=policy,
             renderer=renderer,
-            max_steps=args.max_steps,
+            max_iterations=args.max_iterations,
         )
         for video in videos
     }
@@ -319,8 +325,12 @@ def _detection(args: argparse.Namespace) -> Reproduction:
             example = detection.Example(image, found, detection.TURNS, *curve)
     if example is None:
         raise InputError(f"{args.data}: no frame with a true pose could be read.")
-    limit = next(iter(detectors.values())).max_steps
-    facts = {**_facts(args, policy, args.weights), "max_steps": limit, "search": vars(search)}
+    limit = next(iter(detectors.values())).max_iterations
+    facts = {
+        **_facts(args, policy, args.weights),
+        "max_iterations": limit,
+        "detector": vars(config),
+    }
     return detection.reproduction(trials, example, data, facts)
 
 

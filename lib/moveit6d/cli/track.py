@@ -86,7 +86,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--exact_start",
         action="store_true",
-        help="the start pose is exact: learn the object's looks from the first frame",
+        help="the start pose is exact: calibrate from the first frame",
     )
     parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.pose_files import PoseWriter, read_camera, read_pose
     from ..datasets.video import LiveCamera, Prefetched, open_frames
     from ..estimation import PoseTracker
-    from ..evaluation.run_tracker import TrackSummary, learning, run_tracker
+    from ..evaluation.run_tracker import TrackSummary, calibrating, run_tracker
     from ..geometry.mesh import Mesh
     from .drawing import draw_step
 
@@ -116,9 +116,9 @@ def run(args: argparse.Namespace) -> int:
         start,
         policy=policy,
         renderer=renderer,
-        max_steps=args.max_steps,
-        search=not args.no_search,
-        regions=not args.no_regions,
+        max_iterations=args.max_iterations,
+        multi_start=not args.no_multi_start,
+        contour=not args.no_contour,
     )
     output = new_folder(args.output)
     record = TrackSummary()
@@ -132,7 +132,7 @@ def run(args: argparse.Namespace) -> int:
         # A camera read ahead would show the past.
         ahead = frames if isinstance(frames, LiveCamera) else Prefetched(frames)
         watched = progress(ahead, frames.length, "track")
-        known = learning(tracker, watched) if args.exact_start else watched
+        known = calibrating(tracker, watched) if args.exact_start else watched
         for step in complaining(run_tracker(tracker, known)):
             table.write(step.row)
             record.add(step)

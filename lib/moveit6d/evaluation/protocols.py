@@ -48,7 +48,7 @@ class Protocol:
     name: str
     reset_every: int | None = None
     reset_on: Literal["rbot", "laval"] | None = None
-    max_steps: int = 30
+    max_iterations: int = 30
 
     def __post_init__(self) -> None:
         if self.reset_every is not None and self.reset_every < 1:
@@ -91,7 +91,7 @@ def follow_protocol(
         if due and true is not None and _reset(tracker, true):
             due = False
             watch.bad = 0
-            row = PoseRow(frame.index, frame.name, true, steps=0, stopped_by=GIVEN, reset=True)
+            row = PoseRow(frame.index, frame.name, true, iterations=0, stopped_by=GIVEN, reset=True)
             yield TrackedFrame(frame, row)
             continue
         (step,) = run_tracker(tracker, (frame,))

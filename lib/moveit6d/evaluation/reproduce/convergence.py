@@ -20,7 +20,7 @@ from ...datasets.video import Frame
 from ...errors import InputError
 from ...estimation import StopReason, Target, refine_batch
 from ...estimation.frame import prepare_frame
-from ...estimation.loop import out_of_sight
+from ...estimation.refine import out_of_sight
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...policies import Policy
@@ -53,7 +53,7 @@ class ConvergenceTrial:
     frame: int
     before: float
     after: float
-    steps: int
+    iterations: int
 
     @property
     def right(self) -> bool:
@@ -69,7 +69,7 @@ class Plan:
     readings: tuple[Reading, ...] = tuple(Reading)
     frames: int | None = None
     step: float = published.CONVERGENCE_STEP
-    max_steps: int = published.CONVERGENCE_STEPS
+    max_iterations: int = published.CONVERGENCE_STEPS
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -92,7 +92,7 @@ def deviate(truth: Pose, signs: Tensor, count: Sequence[int], sphere_diameter: f
     pose, left = truth, torch.tensor(list(count))
     for done in range(max(count, default=0)):
         going = (left > done).to(torch.float64)[:, None]
-        pose = PoseAction.of(signs * going).apply(pose, diameter)
+        pose = PoseAction.from_delta(signs * going).apply_centred(pose, diameter)
     return pose
 
 
@@ -161,7 +161,11 @@ def _trials(
         zip(
             seen,
             refine_batch(
-                targets, policy=policy, renderer=renderer, max_steps=plan.max_steps, step=plan.step
+                targets,
+                policy=policy,
+                renderer=renderer,
+                max_iterations=plan.max_iterations,
+                step_size=plan.step,
             ),
             strict=True,
         )
@@ -173,12 +177,12 @@ def _trials(
     found = []
     for k, (reading, m) in enumerate(cases):
         result = results.get(k)
-        before, after, steps = float("inf"), float("inf"), 0
+        before, after, iterations = float("inf"), float("inf"), 0
         if result is not None:
-            before, steps = error(mesh.outer(moved[k])), result.steps
-            if result.pose is not None and result.stopped_by is not StopReason.MAX_STEPS:
+            before, iterations = error(mesh.outer(moved[k])), result.iterations
+            if result.pose is not None and result.stopped_by is not StopReason.MAX_ITERATIONS:
                 after = error(result.pose)
-        found.append(ConvergenceTrial(reading, m, frame.index, before, after, steps))
+        found.append(ConvergenceTrial(reading, m, frame.index, before, after, iterations))
     return found
 
 
@@ -193,8 +197,12 @@ def reproduction(
         lines = [_row(m, reading, mine) for m in sorted({trial.m for trial in mine})]
         rows += lines
         scored = [(float(m), float(share)) for _, m, _, _, _, share, _, _ in lines]
-        walked = [(float(m), steps) for _, m, _, _, _, _, steps, _ in lines if steps is not None]
-        for label, points, right in (("ADD score", scored, False), ("steps", walked, True)):
+        walked = [
+            (float(m), iterations)
+            for _, m, _, _, _, _, iterations, _ in lines
+            if iterations is not None
+        ]
+        for label, points, right in (("ADD score", scored, False), ("iterations", walked, True)):
             if points:
                 x, y = zip(*points, strict=True)
                 curves.append(Curve(f"{label}, {reading.value}", x, y, right))
@@ -241,6 +249,6 @@ def _row(
     mine = [trial for trial in trials if trial.m == m]
     before = mean([100 * trial.before for trial in mine if np.isfinite(trial.before)])
     share = 100 * float(np.mean([trial.right for trial in mine]))
-    steps = mean([float(trial.steps) for trial in mine if trial.right])
+    iterations = mean([float(trial.iterations) for trial in mine if trial.right])
     printed = published.CONVERGENCE_ADD.get(m)
-    return reading.value, m, units(m, reading), len(mine), before, share, steps, printed
+    return reading.value, m, units(m, reading), len(mine), before, share, iterations, printed

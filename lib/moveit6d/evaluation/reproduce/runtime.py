@@ -63,14 +63,14 @@ def reproduction(
 def _frames(tracks: Sequence[ScoredTrack], iteration: float) -> Table:
     """Cycles and milliseconds a frame, as tracked under the paper's protocol."""
     rows: list[tuple[Cell, ...]] = []
-    steps = np.concatenate([np.array(track.steps, float) for track in tracks])
+    iterations = np.concatenate([np.array(track.iterations, float) for track in tracks])
     times = np.concatenate([np.array(track.milliseconds, float) for track in tracks])
     for track in tracks:
-        mine = float(np.mean(track.steps))
+        mine = float(np.mean(track.iterations))
         rows.append(
             (
                 track.video.name,
-                len(track.steps),
+                len(track.iterations),
                 mine,
                 mine * iteration,
                 float(np.mean(track.milliseconds)),
@@ -79,14 +79,20 @@ def _frames(tracks: Sequence[ScoredTrack], iteration: float) -> Table:
     rows.append(
         (
             "all frames",
-            len(steps),
-            float(steps.mean()),
-            float(steps.mean()) * iteration,
+            len(iterations),
+            float(iterations.mean()),
+            float(iterations.mean()) * iteration,
             float(times.mean()),
         )
     )
     rows.append(
-        ("paper (YCB-Video)", None, published.ACTIONS_PER_FRAME, published.MS_PER_FRAME, None)
+        (
+            "paper (YCB-Video)",
+            None,
+            published.ACTIONS_PER_FRAME,
+            published.MS_PER_FRAME,
+            None,
+        )
     )
     head = ("sequence", "frames", "cycles a frame", "ms, cycles × cycle", "ms measured")
     return Table("frames", "What a frame takes", head, tuple(rows))

@@ -151,7 +151,10 @@ def auc_reproduction(scores: Scores, data: str, facts: Mapping[str, object]) -> 
     head = ("ADD(-S)", "ADD(-S) + shift", "ADD", "ADD-S", "exact ADD(-S)")
     tables = [
         _beside(name, f"{printed.caption} ({printed.label})", head, ours, printed)
-        for name, printed in (("auc_1", published.YCB_AUC_1), ("auc_2", published.YCB_AUC_2))
+        for name, printed in (
+            ("auc_1", published.YCB_AUC_1),
+            ("auc_2", published.YCB_AUC_2),
+        )
     ]
     notes = [
         METRIC_NOTE,
@@ -240,7 +243,10 @@ def _shifts(scores: Scores) -> Table:
 
 
 def _bars(
-    name: str, label: str, ours: Mapping[str, tuple[float, ...]], printed: published.PaperTable
+    name: str,
+    label: str,
+    ours: Mapping[str, tuple[float, ...]],
+    printed: published.PaperTable,
 ) -> BarChart:
     objects = [*ours, *(one for one in printed.rows if one not in ours)]
 
