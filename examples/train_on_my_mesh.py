@@ -5,7 +5,7 @@
         --output out/mine
 
 The shipped network needs no training on an object; this makes it better on yours alone. The whole
-machinery (configurations, resuming, several processors) is `moveit6d fit`, see docs/experiments/training.md.
+machinery (configurations, resuming, several processors) is `moveit6d fit`: docs/how-to/train.md.
 """
 
 from __future__ import annotations

@@ -99,7 +99,7 @@ def test_nothing_tracked_has_no_times() -> None:
     assert TrackSummary().facts()["median_milliseconds"] is None
 
 
-def test_fifteen_doubtful_frames_are_taken_for_lost() -> None:
+def test_fifteen_frames_of_low_confidence_are_taken_for_lost() -> None:
     assert record_of([0.9] * 3 + [0.2] * 14 + [0.9]).lost_from is None
     assert record_of([0.9] * 3 + [0.2] * 7 + [None] * 8).lost_from == 3
     assert record_of([0.9] * 3 + [0.2] * 30).lost_from == 3

@@ -122,7 +122,7 @@ def iteration(args: argparse.Namespace) -> int:
     mesh = demo_object() if args.mesh is None else Mesh.load(args.mesh, args.mesh_unit)
     policy, renderer = set_up(args)
     count = args.repeats + WARM_UP
-    rounds = progress(range(count), count, "cycle", "cycle")
+    rounds = progress(range(count), count, "iteration", "iteration")
     times = time_iteration(mesh, policy, renderer, rounds)
     rows = [[part, f"{value:.2f}"] for part, value in times.parts.items()]
     rows += [["sum", f"{times.total:.2f}"], ["whole iteration", f"{times.whole:.2f}"]]

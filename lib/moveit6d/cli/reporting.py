@@ -82,7 +82,7 @@ def reporting(
                 rows=gathered.rows,
                 facts=facts,
                 failures=gathered.failures,
-                doubtful=LOW_CONFIDENCE,
+                low_confidence=LOW_CONFIDENCE,
             )
             write_report(path, run, renderer)
 
@@ -125,7 +125,7 @@ def sequence_page(
         truth=sequence.truth,
         errors={error.frame: error for error in errors},
         failures=gathered.failures,
-        doubtful=LOW_CONFIDENCE,
+        low_confidence=LOW_CONFIDENCE,
     )
     return report_page(run, renderer)
 

@@ -1,7 +1,7 @@
-"""Times the parts of one cycle: crop, render, observe, network, move.
+"""Times the parts of one iteration: crop, render, observe, network, move.
 
 Never judges poses. Each part is called as the loop calls it; `whole` is the loop itself, limited to
-one cycle, so that what the parts leave out shows.
+one iteration, so that what the parts leave out shows.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ WARM_UP = 5
 
 @dataclass(frozen=True)
 class IterationTimes:
-    """Median milliseconds of each of `PARTS`, of their sum, and of a whole cycle of the loop."""
+    """Median milliseconds of each of `PARTS`, of their sum, and of one whole iteration."""
 
     parts: dict[str, float]
     total: float
@@ -44,9 +44,9 @@ def time_iteration(
     renderer: Renderer,
     rounds: Iterable[object],
 ) -> IterationTimes:
-    """Time cycles on one object, seen from another side each time, in a frame of 640 × 480.
+    """Time iterations on one object, seen from another side each time, in a frame of 640 × 480.
 
-    One cycle a round; the first `WARM_UP` rounds are not counted.
+    One iteration a round; the first `WARM_UP` rounds are not counted.
     """
     random = np.random.default_rng(0)
     image = random.integers(0, 256, (CAMERA.height, CAMERA.width, 3), np.uint8)
@@ -69,11 +69,11 @@ def time_iteration(
     return IterationTimes(medians, total, float(np.median(wholes[WARM_UP:])))
 
 
-@torch.inference_mode()  # as the loop's own cycles
+@torch.inference_mode()  # as the loop's own iterations
 def _time_parts(
     mesh: Mesh, pose: Pose, pixels: torch.Tensor, policy: Policy, renderer: Renderer
 ) -> list[float]:
-    """Milliseconds of the parts of one cycle, in the order of `PARTS`."""
+    """Milliseconds of the parts of one iteration, in the order of `PARTS`."""
     diameter = torch.tensor([mesh.sphere_diameter], dtype=torch.float64)
     moments = [time.perf_counter()]
     view = view_of(pose, diameter, policy.crop)

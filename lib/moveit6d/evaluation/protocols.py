@@ -42,7 +42,7 @@ class Protocol:
         name: what tables and options call it.
         reset_every: give the true pose in every frame whose number this divides; None never.
         reset_on: whose rule says that a track is lost; None no one's.
-        max_iterations: iterations a frame at most in the published runs. Whoever makes the tracker decides.
+        max_iterations: limit a frame in the published runs. Whoever makes the tracker decides.
     """
 
     name: str

@@ -82,7 +82,7 @@ class TrackSummary:
     failures: list[dict[str, object]] = field(default_factory=list)
     milliseconds: list[float] = field(default_factory=list)
     lost_from: int | None = None
-    _doubtful: int = 0
+    _low_confidence_run: int = 0
 
     def add(self, step: TrackedFrame) -> None:
         """Take note of one more frame."""
@@ -93,8 +93,8 @@ class TrackSummary:
                 self.failures.append({"frame": step.frame.index, "error": step.error})
         if step.row.milliseconds is not None:
             self.milliseconds.append(step.row.milliseconds)
-        self._doubtful = 0 if step.confident else self._doubtful + 1
-        if self._doubtful == LOST_RUN and self.lost_from is None:
+        self._low_confidence_run = 0 if step.confident else self._low_confidence_run + 1
+        if self._low_confidence_run == LOST_RUN and self.lost_from is None:
             self.lost_from = step.frame.index - LOST_RUN + 1
 
     def facts(self) -> dict[str, object]:

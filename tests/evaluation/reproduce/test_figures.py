@@ -33,10 +33,13 @@ def test_runtime_stands_beside_the_paper_without_rendering(video: Sequence) -> N
     truth = Pose.identity(4)
     track = ScoredTrack(video, (1, 2, 3, 4), truth, truth, 0, (2, 2, 3, 3), (40.0,) * 4)
     found = runtime.reproduction(IterationTimes(parts, 17.5, 18.0), [track], "surrogate", {})
-    cycle = {row[0]: row[1:] for row in found.tables[0].rows}
-    assert cycle["image preprocessing (crop, resize)"] == (2.5, 14.6)
-    assert cycle["cycle without rendering"] == (14.5, 19.8)
-    assert cycle["network"] == (11.0, 5.2) and cycle["whole cycle, rendering too"] == (18.0, None)
+    iteration = {row[0]: row[1:] for row in found.tables[0].rows}
+    assert iteration["image preprocessing (crop, resize)"] == (2.5, 14.6)
+    assert iteration["iteration without rendering"] == (14.5, 19.8)
+    assert iteration["network"] == (11.0, 5.2) and iteration["whole iteration, rendering too"] == (
+        18.0,
+        None,
+    )
     frames = {row[0]: row[1:] for row in found.tables[1].rows}
     assert frames["all frames"] == (4, 2.5, 2.5 * 14.5, 40.0)
     assert frames["paper (YCB-Video)"] == (None, 4.2, 83.16, None)

@@ -34,7 +34,7 @@ class ScoredTrack:
     """One sequence's scored frames (N) beside their true poses, mesh file's frame.
 
     Frames whose pose was given by the protocol are left out; a frame without a pose keeps the last
-    one before it (`held` counts those); `steps` (N,) are cycles, `milliseconds` (N,) times.
+    one before it (`held` counts those); `iterations` and `milliseconds` (N,) are by frame.
     """
 
     video: Video
