@@ -24,7 +24,7 @@ from moveit6d.observation import Observation
 from moveit6d.policies import LoopState, OraclePolicy
 from moveit6d.rendering.backends import make_renderer
 from moveit6d.rendering.renderer import Renderer
-from moveit6d.synthesis.clusters import ClusterConfig, draw_delta
+from moveit6d.synthesis.training.clusters import ClusterConfig, draw_delta
 from tests.support.configs import limited
 
 CAMERA = Camera(600, 600, 319.5, 239.5, 640, 480)

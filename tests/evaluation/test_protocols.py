@@ -23,7 +23,7 @@ from moveit6d.evaluation.protocols import (
     is_given,
     laval_protocol,
 )
-from moveit6d.evaluation.rollout import Step
+from moveit6d.evaluation.run_tracker import TrackedFrame
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3
 
@@ -76,14 +76,14 @@ def run(
     protocol: Protocol,
     frames: int,
     truth: Callable[[int], Pose | None] = lambda k: at(0.0),
-) -> list[Step]:
+) -> list[TrackedFrame]:
     """Frames 1 … `frames`, after the start frame 0."""
     video = [Frame(k, f"{k}.png", IMAGE) for k in range(1, frames + 1)]
     known = {k: pose for k in range(frames + 1) if (pose := truth(k)) is not None}
     return list(follow_protocol(tracker, video, known, protocol))
 
 
-def resets(steps: Sequence[Step]) -> list[int]:
+def resets(steps: Sequence[TrackedFrame]) -> list[int]:
     return [step.row.frame for step in steps if step.row.reset]
 
 

@@ -23,7 +23,7 @@ from .metrics import (
     translation_error,
     within,
 )
-from .rollout import Step, follow
+from .run_tracker import TrackedFrame, run_tracker
 
 if TYPE_CHECKING:
     from ..estimation import PoseTracker, TrackingResult
@@ -83,7 +83,7 @@ def follow_protocol(
     frames: Iterable[Frame],
     truth: Mapping[int, Pose],
     protocol: Protocol,
-) -> Iterator[Step]:
+) -> Iterator[TrackedFrame]:
     """One step a frame, as `follow` makes them; `row.reset` marks frames with a reset.
 
     `frames` are those after the start frame; poses of `truth` (by frame number, mesh file's frame)
@@ -101,9 +101,9 @@ def follow_protocol(
             due = False
             watch.bad = 0
             row = PoseRow(frame.index, frame.name, true, iterations=0, stopped_by=GIVEN, reset=True)
-            yield Step(frame, row)
+            yield TrackedFrame(frame, row)
             continue
-        (step,) = follow(tracker, (frame,))
+        (step,) = run_tracker(tracker, (frame,))
         if true is not None and protocol.reset_on == "rbot":
             good = step.row.pose is not None and bool(within(step.row.pose, true))
             if not good and _reset(tracker, true):
