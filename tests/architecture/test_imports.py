@@ -17,6 +17,7 @@ FLOORS = (
     ("errors",),
     ("io", "parallel", "typing", "config"),
     ("geometry",),
+    ("frame",),
     ("actions",),
     ("rendering",),
     ("observation",),

@@ -14,17 +14,19 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from ..config import LoopConfig
 from ..estimation import Target, refine_batch
-from ..estimation.frame import prepare_frame
+from ..frame import prepare_frame
 from ..geometry.crop import View, crop_patch, view_of
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3
-from ..observation import observe
+from ..observation import assemble
 from ..policies import LoopState, Policy, to_action
 from ..rendering.renderer import Renderer
 from .default_camera import CAMERA
 
+ONCE = LoopConfig(max_iterations=1)
 PARTS = ("crop", "render", "observe", "network", "move")
 WARM_UP = 5
 
@@ -61,7 +63,7 @@ def time_iteration(
         taken.append(_time_parts(mesh, centred, frame.pixels, policy, renderer))
         begin = time.perf_counter()
         target = Target(frame, CAMERA, mesh, mesh.outer(centred[0]))
-        refine_batch([target], policy=policy, renderer=renderer, max_iterations=1)
+        refine_batch([target], policy=policy, renderer=renderer, loop=ONCE)
         wholes.append(1e3 * (time.perf_counter() - begin))
     table = np.array(taken[WARM_UP:])
     medians = dict(zip(PARTS, np.median(table, 0).tolist(), strict=True))
@@ -82,7 +84,7 @@ def _time_parts(
     moments.append(time.perf_counter())
     gbuffer = renderer.render([mesh], view.to_virtual(pose), view.intrinsics)
     moments.append(time.perf_counter())
-    seen = observe(patch[None], gbuffer, view, diameter)
+    seen = assemble(patch[None], gbuffer, view, diameter)
     moments.append(time.perf_counter())
     prediction = policy.predict(seen, LoopState(pose, diameter, torch.arange(1)))
     moments.append(time.perf_counter())
