@@ -102,9 +102,12 @@ def test_constraints_pin_every_dependency() -> None:
     lines = (ROOT / "constraints.txt").read_text().splitlines()
     pins = {line.split("==")[0].lower().replace("_", "-") for line in lines if "==" in line}
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = [*project["dependencies"], *project["optional-dependencies"]["dev"]]
+    extras = project["optional-dependencies"]
+    wanted = [*project["dependencies"], *(one for extra in extras.values() for one in extra)]
     for requirement in wanted:
         name = requirement.split("[")[0].split(">")[0].strip().lower()
+        if name == project["name"]:  # an extra made of others
+            continue
         assert name in pins, f"{name} has no pinned version"
     assert "torch==2.13.0" in lines
 
@@ -118,8 +121,19 @@ def test_wheel_holds_the_two_packages_and_nothing_else(tmp_path: Path) -> None:
         shutil.copytree(ROOT / name, source / name, ignore=leave)
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
-    command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation",
-               "--no-index", "--quiet", "--wheel-dir", str(tmp_path), str(source)]  # fmt: skip
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "wheel",
+        "--no-deps",
+        "--no-build-isolation",
+        "--no-index",
+        "--quiet",
+        "--wheel-dir",
+        str(tmp_path),
+        str(source),
+    ]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     (wheel,) = tmp_path.glob("moveit6d-*.whl")
@@ -128,7 +142,8 @@ def test_wheel_holds_the_two_packages_and_nothing_else(tmp_path: Path) -> None:
     assert {name.split("/")[0] for name in names} == {"moveit6d", "lightning_modules", info}
     files = {name for name in names if not name.startswith(info)}
     kinds = {Path(name).suffix or Path(name).name for name in files}
-    assert kinds <= {".py", ".typed", ".safetensors", ".md"}
+    assert kinds <= {".py", ".typed", ".safetensors", ".md", ".j2"}
+    assert "moveit6d/visualization/templates/report.html.j2" in files
     assert {"moveit6d/py.typed", "lightning_modules/__init__.py"} <= files
     committed = {path.name for path in (ROOT / "lib/moveit6d/weights").iterdir()}
     shipped = {Path(name).name for name in files if name.startswith("moveit6d/weights/")}

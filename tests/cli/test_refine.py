@@ -277,7 +277,7 @@ def test_workers_refine_the_same(
         for index in reversed(range(len(items))):  # workers end in any order
             sent.append(count)
             far_work, item = pickle.loads(pickle.dumps((work, items[index])))
-            yield parallel.Outcome(index, far_work(item))
+            yield parallel.JobResult(index, far_work(item))
 
     monkeypatch.setattr(parallel, "_beside", beside)
     assert command(rows, *options, "--jobs", "2") == 0

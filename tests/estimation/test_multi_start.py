@@ -51,7 +51,7 @@ def test_another_start_finds_what_the_given_one_does_not(brick: Mesh) -> None:
     torch.testing.assert_close(found.pose.matrix, at(0.012).matrix)
 
 
-def test_what_is_believed_is_not_touched(brick: Mesh) -> None:
+def test_a_confident_result_is_not_touched(brick: Mesh) -> None:
     truth = brick.inner(at(0.004))
     with_multi_start, without = NearSighted(truth, 30.0), NearSighted(truth, 30.0)
     found = estimator(brick, with_multi_start).refine(GRAY, at(0.0))

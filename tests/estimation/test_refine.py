@@ -24,7 +24,7 @@ from moveit6d.observation import Observation
 from moveit6d.policies import LoopState, OraclePolicy
 from moveit6d.rendering.backends import make_renderer
 from moveit6d.rendering.renderer import Renderer
-from moveit6d.synthesis.clusters import ClusterConfig, draw_delta
+from moveit6d.synthesis.training.clusters import ClusterConfig, draw_delta
 from tests.support.configs import limited
 
 CAMERA = Camera(600, 600, 319.5, 239.5, 640, 480)
@@ -175,13 +175,13 @@ def test_a_start_that_is_known_to_be_close_is_looked_at_closely_at_once(brick: M
     assert all(looks(brick, Onlooker(truth, ActionMode.ALL_AXES), fine))
 
 
-def test_the_last_cycle_is_a_close_look_even_if_nothing_came_close(brick: Mesh) -> None:
+def test_the_last_iteration_is_fine_even_without_a_small_delta(brick: Mesh) -> None:
     targets, truth = some_targets(brick, 1, cluster="near")
     walker = Onlooker(truth, ActionMode.ALL_AXES, walk=1.5 * LoopConfig().fine_threshold)
     assert looks(brick, walker, starts_of(targets)[0], 4) == [False, False, False, True]
 
 
-def test_single_actions_never_look_closely(brick: Mesh) -> None:
+def test_single_actions_have_no_fine_stage(brick: Mesh) -> None:
     targets, truth = some_targets(brick, 1, cluster="all_small")
     fine = replace(starts_of(targets)[0], fine=True)
     assert not any(looks(brick, Onlooker(truth, ActionMode.SINGLE), fine))
@@ -289,7 +289,7 @@ class _Knowing(OraclePolicy):
         return PolicyOutput(prediction.logits, prediction.delta, belief)
 
 
-def test_of_several_starts_the_most_believed_goes_on(brick: Mesh) -> None:
+def test_of_several_starts_the_most_confident_goes_on(brick: Mesh) -> None:
     far, truth = some_targets(brick, 2, cluster="all_large")
     near, _ = some_targets(brick, 2, cluster="all_small")
     targets = [far[0], near[0], near[1], far[1]]

@@ -124,7 +124,7 @@ def test_only_what_was_sure_and_hardly_moved_is_looked_at_closely_at_once(brick:
     assert not track.slow
 
 
-def test_colours_are_learnt_from_frames_that_are_believed(brick: Mesh) -> None:
+def test_histograms_are_updated_from_confident_frames(brick: Mesh) -> None:
     first, second = (ColourHistograms(np.full(8, v), np.full(8, 1 - v)) for v in (0.0, 1.0))
     track = TrackState.begin(brick, moving(brick, 0))
     track.add(moving(brick, 1), LOW_CONFIDENCE - 0.1)

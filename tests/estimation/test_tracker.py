@@ -98,7 +98,7 @@ def test_a_way_that_leads_through_the_camera_ends_no_track(brick: Mesh) -> None:
     )
 
 
-def test_what_is_believed_is_not_looked_for_elsewhere(brick: Mesh) -> None:
+def test_a_confident_frame_has_no_recovery_starts(brick: Mesh) -> None:
     policy = NearSighted(brick.inner(at(0.01)), 0.0, doubt=LOW_CONFIDENCE + 0.01)
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, config=NO_CONTOUR)
     assert tracker.update(GRAY).iterations == policy.asked

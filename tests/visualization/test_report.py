@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from moveit6d.datasets.pose_files import PoseRow
-from moveit6d.datasets.video import Frame
+from moveit6d.datasets.video import VideoFrame
 from moveit6d.errors import InputError
 from moveit6d.rendering.backends import make_renderer
 from moveit6d.visualization.report import Run, index_page, report_page, write_report
@@ -37,7 +37,7 @@ class Film:
 
     def __iter__(self) -> Any:
         for index, image in enumerate(self.images):
-            yield Frame(index, f"{index}.png", None if index == 5 else image)
+            yield VideoFrame(index, f"{index}.png", None if index == 5 else image)
 
 
 @pytest.fixture(scope="module")
@@ -51,19 +51,25 @@ def run(scene: Any) -> Run:
     rows[5] = PoseRow(5, "5.png", stopped_by="failed")
     rows[6] = replace(rows[6], reset=True)
     return Run(
-        title="brick <1>", verdict="7 frames", mesh=scene.mesh, camera=scene.camera,
-        frames=Film(scene), rows=rows, facts={"weights": "none & nothing"},
+        title="brick <1>",
+        verdict="7 frames",
+        mesh=scene.mesh,
+        camera=scene.camera,
+        frames=Film(scene),
+        rows=rows,
+        facts={"weights": "none & nothing"},
         failures={5: "5.png is <damaged>"},
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
 def scored(run: Run, scene: Any) -> Run:
     errors = {
-        frame: Errors(0.001 * frame, 0.002, 1.0) if run.rows[frame].pose is not None
+        frame: Errors(0.001 * frame, 0.002, 1.0)
+        if run.rows[frame].pose is not None
         else Errors(math.inf, math.inf, 180.0)
         for frame in range(1, 8)
-    }  # fmt: skip
+    }
     errors[2] = Errors(0.05, 0.04, 20.0)
     return replace(run, errors=errors, truth={frame: scene.pose(frame) for frame in range(8)})
 
@@ -141,7 +147,7 @@ def test_a_long_run_stays_a_small_page(run: Run, scene: Any) -> None:
 
         def __iter__(self) -> Any:
             for index in range(3000):
-                yield Frame(index, "", np.zeros((120, 160, 3), np.uint8))
+                yield VideoFrame(index, "", np.zeros((120, 160, 3), np.uint8))
 
     row = run.rows[1]
     long = replace(

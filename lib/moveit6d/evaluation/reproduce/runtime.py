@@ -1,4 +1,4 @@
-"""The paper's runtime table: milliseconds of one cycle, and of a frame.
+"""The paper's runtime table: milliseconds of one iteration, and of a frame.
 
 Never hides the rendering: the paper's figures leave it out, ours are given with and without.
 """
@@ -9,48 +9,51 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .. import paper
-from ..cycle import CycleTimes
-from .outcome import BarChart, Cell, Outcome, Table
-from .tracks import Track
+from ...visualization.charts import BarChart
+from ..iteration_timing import IterationTimes
+from . import published_figures as published
+from .reproduction import Cell, Reproduction, Table
+from .tracks import ScoredTrack
 
 PREPARE = ("crop", "observe")
 
 
-def outcome(
-    times: CycleTimes, tracks: Sequence[Track], data: str, facts: Mapping[str, object]
-) -> Outcome:
+def reproduction(
+    times: IterationTimes, tracks: Sequence[ScoredTrack], data: str, facts: Mapping[str, object]
+) -> Reproduction:
     """Table `tab:runtime`; with tracks also what a frame takes."""
     prepare = sum(times.parts[part] for part in PREPARE)
     render, move = times.parts["render"], times.parts["move"]
     network = times.parts["network"]
     without = times.total - render
-    printed = list(paper.RUNTIME_MS.values())
+    printed = list(published.RUNTIME_MS.values())
     rows: list[tuple[Cell, ...]] = [
         ("image preprocessing (crop, resize)", prepare, printed[0]),
         ("network", network, printed[1]),
         ("moving the pose", move, None),
-        ("cycle without rendering", without, printed[2]),
+        ("iteration without rendering", without, printed[2]),
         ("rendering", render, None),
-        ("whole cycle, rendering too", times.whole, None),
+        ("whole iteration, rendering too", times.whole, None),
     ]
-    tables = [Table("cycle", "One cycle (tab:runtime)", ("ms", "ours", "paper"), tuple(rows))]
+    tables = [
+        Table("iteration", "One iteration (tab:runtime)", ("ms", "ours", "paper"), tuple(rows))
+    ]
     if tracks:
         tables.append(_frames(tracks, without))
     chart = BarChart(
         "runtime",
-        "One cycle",
+        "One iteration",
         "ms",
         ("preprocessing", "network", "moving", "rendering"),
         {"ours": (prepare, network, move, render), "paper": (printed[0], printed[1], None, None)},
     )
     notes = (
-        "Ours is the median of the cycles, all on the CPU; the paper's network ran on a GPU.",
-        *paper.NOTES["tab:runtime"],
+        "Ours is the median of the iterations, all on the CPU; the paper's network ran on a GPU.",
+        *published.NOTES["tab:runtime"],
     )
-    return Outcome(
+    return Reproduction(
         "runtime",
-        "Runtime of the action decision cycle",
+        "Runtime of an iteration",
         data,
         tuple(tables),
         (chart,),
@@ -59,8 +62,8 @@ def outcome(
     )
 
 
-def _frames(tracks: Sequence[Track], cycle: float) -> Table:
-    """Cycles and milliseconds a frame, as tracked under the paper's protocol."""
+def _frames(tracks: Sequence[ScoredTrack], iteration: float) -> Table:
+    """Iterations and milliseconds a frame, as tracked under the paper's protocol."""
     rows: list[tuple[Cell, ...]] = []
     iterations = np.concatenate([np.array(track.iterations, float) for track in tracks])
     times = np.concatenate([np.array(track.milliseconds, float) for track in tracks])
@@ -71,7 +74,7 @@ def _frames(tracks: Sequence[Track], cycle: float) -> Table:
                 track.video.name,
                 len(track.iterations),
                 mine,
-                mine * cycle,
+                mine * iteration,
                 float(np.mean(track.milliseconds)),
             )
         )
@@ -80,10 +83,18 @@ def _frames(tracks: Sequence[Track], cycle: float) -> Table:
             "all frames",
             len(iterations),
             float(iterations.mean()),
-            float(iterations.mean()) * cycle,
+            float(iterations.mean()) * iteration,
             float(times.mean()),
         )
     )
-    rows.append(("paper (YCB-Video)", None, paper.ACTIONS_PER_FRAME, paper.MS_PER_FRAME, None))
-    head = ("sequence", "frames", "cycles a frame", "ms, cycles × cycle", "ms measured")
+    rows.append(
+        (
+            "paper (YCB-Video)",
+            None,
+            published.ACTIONS_PER_FRAME,
+            published.MS_PER_FRAME,
+            None,
+        )
+    )
+    head = ("sequence", "frames", "iterations a frame", "ms, iterations × iteration", "ms measured")
     return Table("frames", "What a frame takes", head, tuple(rows))
