@@ -18,6 +18,7 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, IterableDataset, get_worker_info
 
+from .bank_pairs import BankStream
 from moveit6d.errors import InputError
 from moveit6d.networks.inference import InferenceNetwork
 from moveit6d.networks.weights_file import WEIGHTS_NAME, load_network
@@ -31,13 +32,15 @@ from moveit6d.synthesis.source import PairSource, mesh_files
 class RolloutConfig:
     """Training on the states that the network itself leads to (METHOD 9d).
 
-    After each batch of new pictures one more batch shows the same ones after 1 to `cycles` cycles
-    of the network in `weights` (.safetensors; None: what this fit itself exports), which is read
-    anew whenever it changes; no such file yet, or no cycles, no such batches.
+    After each batch of new pictures `cycles` more show the same ones, each after one more cycle of
+    the network: on a GPU of the one in training, else of the one in `weights` (.safetensors; None:
+    what this fit itself exports), which is read anew whenever it changes; no such file yet, or no
+    cycles, no such batches.
     """
 
     weights: Path | None = None
     cycles: int = 0
+    first_step: int = 1000  # training step from which there are such batches
 
 
 class PairDataModule(pl.LightningDataModule):
@@ -61,6 +64,7 @@ class PairDataModule(pl.LightningDataModule):
         seed: of everything random; a resumed run goes on with pairs not seen before.
         pairs: all that is random about a pair.
         rollouts: whether, and how, states that the network itself leads to are trained on.
+        device: `cpu`: worker processes draw pairs; `cuda`: the GPU draws them itself, in batches.
     """
 
     def __init__(
@@ -82,6 +86,7 @@ class PairDataModule(pl.LightningDataModule):
         seed: int = 0,
         pairs: PairConfig | None = None,
         rollouts: RolloutConfig | None = None,
+        device: Literal["cpu", "cuda"] = "cpu",
     ) -> None:
         super().__init__()
         self.folder, self.mesh_unit, self.holdout = meshes, mesh_unit, holdout
@@ -93,6 +98,7 @@ class PairDataModule(pl.LightningDataModule):
         self.validation_batches, self.seed = validation_batches, seed
         self.pairs = pairs or PairConfig()
         self.rollouts = rollouts or RolloutConfig()
+        self.device = device
         self._validation: list[TrainingBatch] = []
 
     def mesh_paths(self) -> tuple[list[Path], list[Path]]:
@@ -112,6 +118,12 @@ class PairDataModule(pl.LightningDataModule):
     def train_dataloader(self) -> DataLoader[TrainingBatch]:
         """Pairs without end; a resumed training sees new ones, and each process its own."""
         stream: IterableDataset[TrainingBatch]
+        if self.device == "cuda":
+            stream = BankStream(
+                self.source(), self.batch_size, (self.seed, self._step()),
+                torch.device("cuda"), self.rollouts.cycles, self._own_moves,
+            )  # fmt: skip
+            return DataLoader(stream, batch_size=None)
         if self.written is not None:
             stream = self._written_stream(self.written)
         else:
@@ -126,6 +138,18 @@ class PairDataModule(pl.LightningDataModule):
             prefetch_factor=6 if self.workers else None,
             persistent_workers=self.workers > 0,
         )
+
+    @torch.no_grad()
+    def _own_moves(self, seen: Observation) -> Tensor | None:
+        """The counts of the network in training; None in its first steps, when they mean nothing."""
+        module = self.trainer.lightning_module
+        if self.trainer.global_step < self.rollouts.first_step:
+            return None
+        network = module.network.eval()
+        with torch.autocast(seen.image.device.type, torch.bfloat16, seen.image.is_cuda):
+            counts: Tensor = network(seen).decision.counts
+        network.train()
+        return counts.float()
 
     def val_dataloader(self) -> DataLoader[TrainingBatch]:
         """The same few batches each time, of held-out objects, or of all if none is held out."""
@@ -211,9 +235,8 @@ class PairStream(IterableDataset[TrainingBatch]):
                 meshes[place] = self.source.shape(random, photos, files)
             batch = generator.batch(self.batch_size)
             yield batch
-            if student.ready():
-                for _ in range(int(random.integers(1, student.cycles + 1))):
-                    batch = generator.advance(batch, student.moves(batch.observation))
+            for _ in range(student.cycles if student.ready() else 0):
+                batch = generator.advance(batch, student.moves(batch.observation))
                 yield batch
 
 

@@ -57,7 +57,8 @@ class PoseAction:
     @staticmethod
     def of(counts: Tensor) -> PoseAction:
         """A move that does not stop."""
-        return PoseAction(counts, torch.zeros(counts.shape[:-1], dtype=torch.bool))
+        stop = torch.zeros(counts.shape[:-1], dtype=torch.bool, device=counts.device)
+        return PoseAction(counts, stop)
 
     @staticmethod
     def from_index(index: Tensor, step: float = 1.0) -> PoseAction:

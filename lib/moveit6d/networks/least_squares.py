@@ -124,5 +124,5 @@ def solve_counts(
     flat = matrix.flatten(1, 2)
     normal = weighted.mT @ flat / total + torch.diag(damping)
     right = weighted.mT @ displacement.flatten(1)[..., None] / total
-    counts: Tensor = torch.linalg.solve(normal, right)[..., 0]
+    counts: Tensor = torch.linalg.solve_ex(normal, right)[0][..., 0]
     return counts.clamp(-limit, limit)

@@ -6,7 +6,7 @@ which of them happen, how often and how much is `AugmentConfig`, `HandConfig` an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import torch
@@ -14,8 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from ..geometry.crop import PATCH_SIZE
-from ..geometry.mesh import Mesh
-from ..rendering.renderer import GBuffer, Renderer
+from ..rendering.renderer import GBuffer
 from .augment import (
     AugmentConfig,
     Dice,
@@ -30,38 +29,41 @@ from .augment import (
     scatter,
     shadow,
 )
-from .hands import HandConfig, Hands
+from .hands import HandConfig, Hands, HandSource
 from .lens_effects import bend, blur, defocus_background, degrade, radial_blur, recolour, sharpen
 from .lighting import LightConfig, light
+from .object_set import ObjectSet
 from .occluder_bank import BankConfig, OccluderBank
-from .photos import random_square
+from .photo_bank import PhotoBank
 
 
 class Composer:
-    """Makes observed patches of what is rendered; its occluders are made as it goes."""
+    """Makes observed patches of what is rendered; its occluders are made as it goes.
+
+    What reaches a pixel from several things, at an edge or in a blur, adds up as light does: colours
+    are made linear first (`AugmentConfig.gamma`), and a bright thing before a dark one looks larger.
+    """
 
     def __init__(
-        self, photos: Sequence[np.ndarray], augment: AugmentConfig, lights: LightConfig,
-        random: np.random.Generator, dice: Dice,
-    ) -> None:  # fmt: skip
-        self.photos, self.augment, self.lights = list(photos), augment, lights
-        self.random, self.dice = random, dice
+        self, photos: PhotoBank, augment: AugmentConfig, lights: LightConfig, dice: Dice
+    ) -> None:
+        self.photos, self.augment, self.lights, self.dice = photos, augment, lights, dice
         self.bank: OccluderBank | None = None
         self.hands: Hands | None = None
 
     def use_bank(
-        self, config: BankConfig, meshes: Sequence[Mesh], renderer: Renderer,
-        distance: tuple[float, float],
+        self, config: BankConfig, objects: ObjectSet, distance: tuple[float, float],
+        random: np.random.Generator,
     ) -> None:  # fmt: skip
-        """Take occluders from a bank of these meshes' patches; of size 0, from none."""
+        """Take occluders from a bank of these objects' patches; of size 0, from none."""
         if config.size > 0:
-            self.bank = OccluderBank(meshes, config, renderer, self.lights, distance, self.dice)
+            self.bank = OccluderBank(objects, config, self.lights, distance, self.dice, random)
 
-    def use_hands(self, config: HandConfig, renderer: Renderer) -> None:
+    def use_hands(
+        self, config: HandConfig, source: HandSource, random: np.random.Generator
+    ) -> None:
         """Put hands and cards in front as well."""
-        if config.share > 0:
-            parts = (renderer, self.lights, self.random, self.dice)
-            self.hands = Hands(config, self.photos, *parts)
+        self.hands = Hands(config, source, self.lights, random, self.dice)
 
     def picture(self, observed: GBuffer, depth: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
         """Observed patches (B, 3, 128, 128), and 1 where nothing would cover the object.
@@ -74,27 +76,29 @@ class Composer:
             observed.albedo, observed.normal, depth, observed.mask, distance,
             self.lights, dice.generator,
         )  # fmt: skip
-        layer = torch.cat([lit * observed.mask, observed.mask], 1)
-        ground = defocus_background(self._photos(batch), augment, dice)
+        gamma = dice.uniform(batch, 1, 1, 1, between=augment.gamma)
+        layer = torch.cat([linear(lit, gamma) * observed.mask, observed.mask], 1)
+        ground = defocus_background(linear(self._photos(batch), gamma), augment, dice)
         ground = self._cluttered(ground, layer)
         picture = over(ground, self._imaged_layer(soft_edge(layer)))
-        picture, covered = occlude(picture, self._things(layer), augment, dice)
+        picture, covered = occlude(picture, self._things(layer, gamma), augment, dice)
         if self.hands is not None:
             chosen, fronts = self.hands.draw(batch, distance)
+            fronts = torch.cat([linear(fronts[:, :3], gamma[chosen]), fronts[:, 3:]], 1)
             picture[chosen] = over(picture[chosen], soft_edge(fronts))
             covered[chosen] = torch.maximum(covered[chosen], fronts[:, 3:])
         picture, covered = crop_region(ground, picture, covered, augment, dice)
-        picture, border = cut_border(self._taken(picture).clamp(0, 1), augment, dice)
+        picture, border = cut_border(self._taken(picture, gamma).clamp(0, 1), augment, dice)
         return (picture * 255).round() / 255, (covered < 0.5) * (1 - border)
 
-    def _taken(self, picture: Tensor) -> Tensor:
-        """The picture as the camera takes it."""
+    def _taken(self, picture: Tensor, gamma: Tensor) -> Tensor:
+        """The picture, of linear colours, as the camera takes it."""
         augment, dice, whole = self.augment, self.dice, self.augment.acts_on == "picture"
         picture = shadow(picture, augment, dice)
         if whole:
             picture = radial_blur(blur(picture, augment, dice), augment, dice)
         picture = bend(picture, augment, dice)
-        picture = degrade(picture, augment, dice)
+        picture = degrade(picture, gamma, augment, dice)
         picture = sharpen(picture, augment, dice)
         return recolour(picture, augment, dice) if whole else picture
 
@@ -122,17 +126,22 @@ class Composer:
             ground[behind] = over(ground[behind], placed)
         return ground
 
-    def _things(self, layer: Tensor) -> Callable[[Tensor], Tensor]:
-        """Where occluders come from."""
+    def _things(self, layer: Tensor, gamma: Tensor) -> Callable[[Tensor], Tensor]:
+        """Where occluders come from, in linear colours."""
         bank = self.bank
         if bank is None:
-            return loose_things(layer, self._photos(len(layer)), self.augment, self.dice)
+            photos = linear(self._photos(len(layer)), gamma)
+            return loose_things(layer, photos, self.augment, self.dice)
         bank.grow()
         return lambda chosen: self._imaged_layer(bank.draw(len(chosen)))
 
     def _photos(self, count: int) -> Tensor:
-        squares = [random_square(self.photos, self.random, PATCH_SIZE) for _ in range(count)]
-        return torch.from_numpy(np.stack(squares)).permute(0, 3, 1, 2).float() / 255
+        return self.photos.squares(count, PATCH_SIZE, self.dice)
+
+
+def linear(colour: Tensor, gamma: Tensor) -> Tensor:
+    """Colours as a screen wants them as amounts of light: (B, 3, H, W) by exponents (B, 1, 1, 1)."""
+    return colour.clamp(0, 1.5) ** gamma
 
 
 def soft_edge(layer: Tensor) -> Tensor:
