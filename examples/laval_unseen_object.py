@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for frame in islice(sequence.open(), sequence.first + 1, args.frames):
         result = tracker.update(frame.image)[0]
         rows[frame.index] = PoseRow(
-            frame.index, frame.name, result.pose, result.steps, result.stopped_by.value,
+            frame.index, frame.name, result.pose, result.iterations, result.stopped_by.value,
             result.confidence, result.milliseconds,
         )  # fmt: skip
 

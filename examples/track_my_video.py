@@ -36,7 +36,7 @@ def track(mesh_file: Path, video: Path, camera_file: Path, start_file: Path) -> 
             continue
         x, y, z = result.pose.translation.tolist()
         print(
-            f"frame {frame.index}: x {x:+.3f}  y {y:+.3f}  z {z:.3f} m, {result.steps} steps, "
+            f"frame {frame.index}: x {x:+.3f}  y {y:+.3f}  z {z:.3f} m, {result.iterations} steps, "
             f"confidence {result.confidence:.2f}, {result.milliseconds:.0f} ms"
         )
 

@@ -46,12 +46,12 @@ class BankStream(IterableDataset[TrainingBatch]):
 
     def __init__(
         self, source: PairSource, batch_size: int, seed: tuple[int, int], device: torch.device,
-        cycles: int = 0, student: Callable[[Observation], Tensor | None] | None = None,
+        iterations: int = 0, student: Callable[[Observation], Tensor | None] | None = None,
         run: Run | None = None,
     ) -> None:  # fmt: skip
         super().__init__()
         self.source, self.batch_size, self.seed, self.device = source, batch_size, seed, device
-        self.cycles, self.student, self.run = cycles, student, run
+        self.iterations, self.student, self.run = iterations, student, run
 
     def __iter__(self) -> Iterator[TrainingBatch]:
         random = np.random.default_rng([*self.seed])
@@ -88,7 +88,7 @@ class BankStream(IterableDataset[TrainingBatch]):
         for _ in count():
             batch = generator.batch(self.batch_size)
             yield batch
-            for _ in range(self.cycles):
+            for _ in range(self.iterations):
                 moves = None if self.student is None else self.student(batch.observation)
                 if moves is None:
                     break

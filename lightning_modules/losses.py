@@ -12,9 +12,9 @@ from torch import Tensor
 from torch.nn import functional
 
 from moveit6d.actions import expert_action
-from moveit6d.networks.cells import CellAnswer
+from moveit6d.networks.dense_prediction import DensePrediction
 from moveit6d.networks.correlation import GREY, CorrelationOutput
-from moveit6d.networks.decision import Decision
+from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.networks.least_squares import (
     cell_pixels,
     move_points,
@@ -42,7 +42,7 @@ class LossWeights:
     visibility: float = 0.2
     weight: float = 0.2
     solved: float = 1.0
-    counts: float = 1.5
+    delta: float = 1.5
     points: float = 2.0
     actions: float = 0.1
     confidence: float = 0.2
@@ -53,7 +53,7 @@ class LossWeights:
 
 
 @dataclass(frozen=True)
-class CellTruth:
+class DenseTruth:
     """True displacement (B, M, 2) in pixels, visibility and being on the object (B, M) in 0..1."""
 
     displacement: Tensor
@@ -61,24 +61,24 @@ class CellTruth:
     covered: Tensor
 
 
-def cell_truth(batch: TrainingBatch, stride: int) -> CellTruth:
+def dense_truth(batch: TrainingBatch, stride: int) -> DenseTruth:
     """Where each cell's surface point really is in the observed patch, and whether it shows."""
-    seen = batch.observation
-    pixels = cell_pixels(stride).to(seen.depth.device)
-    points = surface_points(seen.depth, seen.distance, pixels)
-    covered = seen.mask[:, 0, pixels[:, 1], pixels[:, 0]]
-    moved = move_points(points, seen.distance, batch.counts, batch.direction)
-    goal = project_points(moved, seen.distance)
+    observation = batch.observation
+    pixels = cell_pixels(stride).to(observation.depth.device)
+    points = surface_points(observation.depth, observation.distance, pixels)
+    covered = observation.mask[:, 0, pixels[:, 1], pixels[:, 0]]
+    moved = move_points(points, observation.distance, batch.delta, batch.direction)
+    goal = project_points(moved, observation.distance)
     nearest = goal.round().long()
-    size = seen.depth.shape[-1]
+    size = observation.depth.shape[-1]
     inside = ((nearest >= 0) & (nearest < size)).all(-1)
     column, row = nearest.clamp(0, size - 1).unbind(-1)
-    sample = torch.arange(len(seen), device=row.device)[:, None]
-    surface = batch.true_depth[sample, 0, row, column] + seen.distance[:, None]
+    sample = torch.arange(len(observation), device=row.device)[:, None]
+    surface = batch.true_depth[sample, 0, row, column] + observation.distance[:, None]
     shows = batch.visible[sample, 0, row, column] > 0.5
     same = (surface - moved[..., 2]).abs() < 0.06  # else another part of the object is in front
     visible = (inside & shows & same).float() * covered
-    return CellTruth(goal - pixels.to(goal)[None], visible, covered)
+    return DenseTruth(goal - pixels.to(goal)[None], visible, covered)
 
 
 def correlation_losses(
@@ -86,19 +86,19 @@ def correlation_losses(
     temperature: Tensor,
 ) -> dict[str, Tensor]:
     """Every term of the correlation network's loss, unweighted, by name."""
-    coarse, fine = (cell_truth(batch, stride) for stride in (8, 4))
-    coarse_flow, coarse_seen, coarse_weight = _cell_losses(output.coarse, coarse, 3.0)
-    fine_flow, fine_seen, fine_weight = _cell_losses(output.fine, fine, 2.0)
-    scale = batch.counts.new_tensor(weights.scale)
-    counts = output.decision.counts
-    assert counts is not None
-    error = point_error(batch, counts)
+    coarse, fine = (dense_truth(batch, stride) for stride in (8, 4))
+    coarse_flow, coarse_seen, coarse_weight = _dense_losses(output.coarse, coarse, 3.0)
+    fine_flow, fine_seen, fine_weight = _dense_losses(output.fine, fine, 2.0)
+    scale = batch.delta.new_tensor(weights.scale)
+    delta = output.prediction.delta
+    assert delta is not None
+    error = point_error(batch, delta)
     right = is_right(batch, error.detach())
     near = batch.near
 
     def regression(found: Tensor) -> Tensor:
         loss = functional.smooth_l1_loss(
-            found / scale, batch.counts / scale, beta=weights.beta, reduction="none"
+            found / scale, batch.delta / scale, beta=weights.beta, reduction="none"
         )
         return _mean_of(loss.mean(1), near)
 
@@ -110,9 +110,9 @@ def correlation_losses(
         "visibility": coarse_seen + fine_seen,
         "weight": coarse_weight + fine_weight,
         "solved": regression(output.solved),
-        "counts": regression(counts),
+        "counts": regression(delta),
         "points": _mean_of(error.clamp_max(1.0), near),
-        "actions": action_loss(output.decision, batch),
+        "actions": action_loss(output.prediction, batch),
         "confidence": functional.binary_cross_entropy_with_logits(output.confidence_logit, right),
     }
     if batch.views is not None and output.described is not None:
@@ -125,7 +125,7 @@ def _mean_of(values: Tensor, weight: Tensor) -> Tensor:
     return (values * weight).sum() / weight.sum().clamp_min(1)
 
 
-def matching_loss(logits: Tensor, truth: CellTruth, radius: int) -> Tensor:
+def matching_loss(logits: Tensor, truth: DenseTruth, radius: int) -> Tensor:
     """Cross-entropy of the correlation (B, cells, offsets) against the true displacement.
 
     The target is spread over the four nearest cells bilinearly, so its floor is about 1.1.
@@ -148,13 +148,13 @@ def matching_loss(logits: Tensor, truth: CellTruth, radius: int) -> Tensor:
     return (total * usable).sum() / usable.sum().clamp_min(1)
 
 
-def action_loss(decision: Decision, batch: TrainingBatch) -> Tensor:
+def action_loss(prediction: PolicyOutput, batch: TrainingBatch) -> Tensor:
     """Cross-entropy of the 13 logits against the expert.
 
     It stands in for the paper's Hamming distance of one-hot vectors, which has no useful gradient.
     """
     loss = functional.cross_entropy(
-        decision.logits.float(), expert_action(batch.counts), reduction="none"
+        prediction.logits.float(), expert_action(batch.delta), reduction="none"
     )
     return _mean_of(loss, batch.near)
 
@@ -167,24 +167,24 @@ def is_right(batch: TrainingBatch, error: Tensor) -> Tensor:
     return (error < RIGHT * batch.zoom.to(error)).float() * batch.present
 
 
-def point_error(batch: TrainingBatch, counts: Tensor) -> Tensor:
+def point_error(batch: TrainingBatch, delta: Tensor) -> Tensor:
     """Mean distance (B,) of visible-side surface points after the move and at the truth, diameters.
 
     An ADD over the half of the surface that the rendering shows.
     """
-    seen = batch.observation
-    pixels = cell_pixels(8).to(seen.depth.device)
-    points = surface_points(seen.depth, seen.distance, pixels)
-    covered = seen.mask[:, 0, pixels[:, 1], pixels[:, 0]]
-    moved = move_points(points, seen.distance, counts, batch.direction)
-    goal = move_points(points, seen.distance, batch.counts, batch.direction)
+    observation = batch.observation
+    pixels = cell_pixels(8).to(observation.depth.device)
+    points = surface_points(observation.depth, observation.distance, pixels)
+    covered = observation.mask[:, 0, pixels[:, 1], pixels[:, 0]]
+    moved = move_points(points, observation.distance, delta, batch.direction)
+    goal = move_points(points, observation.distance, batch.delta, batch.direction)
     apart = slanted(moved - goal, batch.direction)
     distance = (apart.square().sum(-1) + 1e-8).sqrt()
     return (distance * covered).sum(1) / covered.sum(1).clamp_min(1)
 
 
-def _cell_losses(
-    answer: CellAnswer, truth: CellTruth, softness: float
+def _dense_losses(
+    answer: DensePrediction, truth: DenseTruth, softness: float
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Robust displacement error on visible cells, visibility and weight on the object's cells."""
     found = answer.displacement.flatten(2).mT
@@ -200,7 +200,7 @@ def _cell_losses(
     )
 
 
-def shape_loss(answer: CellAnswer, truth: CellTruth) -> Tensor:
+def shape_loss(answer: DensePrediction, truth: DenseTruth) -> Tensor:
     """Length of the displacements' errors as the stated precision measures it.
 
     The precision has determinant 1, so this is least where it is the errors' inverse covariance up

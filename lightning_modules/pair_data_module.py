@@ -39,7 +39,7 @@ class RolloutConfig:
     """
 
     weights: Path | None = None
-    cycles: int = 0
+    iterations: int = 0
     first_step: int = 1000  # training step from which there are such batches
 
 
@@ -121,7 +121,7 @@ class PairDataModule(pl.LightningDataModule):
         if self.device == "cuda":
             stream = BankStream(
                 self.source(), self.batch_size, (self.seed, self._step()),
-                torch.device("cuda"), self.rollouts.cycles, self._own_moves,
+                torch.device("cuda"), self.rollouts.iterations, self._own_moves,
             )  # fmt: skip
             return DataLoader(stream, batch_size=None)
         if self.written is not None:
@@ -140,16 +140,16 @@ class PairDataModule(pl.LightningDataModule):
         )
 
     @torch.no_grad()
-    def _own_moves(self, seen: Observation) -> Tensor | None:
+    def _own_moves(self, observation: Observation) -> Tensor | None:
         """The counts of the network in training; None in its first steps, when they mean nothing."""
         module = self.trainer.lightning_module
         if self.trainer.global_step < self.rollouts.first_step:
             return None
         network = module.network.eval()
-        with torch.autocast(seen.image.device.type, torch.bfloat16, seen.image.is_cuda):
-            counts: Tensor = network(seen).decision.counts
+        with torch.autocast(observation.image.device.type, torch.bfloat16, observation.image.is_cuda):
+            delta: Tensor = network(observation).prediction.delta
         network.train()
-        return counts.float()
+        return delta.float()
 
     def val_dataloader(self) -> DataLoader[TrainingBatch]:
         """The same few batches each time, of held-out objects, or of all if none is held out."""
@@ -178,10 +178,10 @@ class PairDataModule(pl.LightningDataModule):
         )  # fmt: skip
 
     def _written_stream(self, folder: Path) -> WrittenStream:
-        if self.rollouts.cycles:
+        if self.rollouts.iterations:
             raise InputError(
                 "Rollouts need meshes to render, and written pairs have none: set "
-                "data.rollouts.cycles to 0 or data.written to null."
+                "data.rollouts.iterations to 0 or data.written to null."
             )
         return WrittenStream(
             folder, self.batch_size, self.seed, self._step(), self._rank(), self._processes()
@@ -235,7 +235,7 @@ class PairStream(IterableDataset[TrainingBatch]):
                 meshes[place] = self.source.shape(random, photos, files)
             batch = generator.batch(self.batch_size)
             yield batch
-            for _ in range(student.cycles if student.ready() else 0):
+            for _ in range(student.iterations if student.ready() else 0):
                 batch = generator.advance(batch, student.moves(batch.observation))
                 yield batch
 
@@ -263,13 +263,13 @@ class _Student:
     """The network as it was last exported, or nobody."""
 
     def __init__(self, config: RolloutConfig) -> None:
-        self.path, self.cycles = config.weights, config.cycles
+        self.path, self.iterations = config.weights, config.iterations
         self.network: InferenceNetwork | None = None
         self.changed = 0.0
 
     def ready(self) -> bool:
         """Whether there is a network to ask; reads it if it is new."""
-        if not self.cycles or self.path is None or not Path(self.path).exists():
+        if not self.iterations or self.path is None or not Path(self.path).exists():
             return False
         changed = Path(self.path).stat().st_mtime
         if self.network is None or changed != self.changed:
@@ -277,13 +277,13 @@ class _Student:
             self.changed = changed
         return True
 
-    def moves(self, seen: Observation) -> Tensor:
+    def moves(self, observation: Observation) -> Tensor:
         """Its six counts (B, 6) for a batch."""
         assert self.network is not None
-        counts = self.network(seen).counts
-        if counts is None:
+        delta = self.network(observation).delta
+        if delta is None:
             raise InputError("Rollouts need a network that answers for all six axes.")
-        return counts
+        return delta
 
 
 class _Fixed(Dataset[TrainingBatch]):

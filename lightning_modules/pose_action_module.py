@@ -95,7 +95,7 @@ class PoseActionModule(pl.LightningModule):
     def training_step(self, batch: TrainingBatch, _: int) -> Tensor:
         """One loss; its terms are logged as `train/NAME`."""
         loss, self.values = self._shared_step(batch)
-        size = len(batch.counts)
+        size = len(batch.delta)
         if self.global_step % self.trainer.log_every_n_steps == 0:
             named = {f"train/{name}": value for name, value in self.values.items()}
             self.log_dict({"loss": loss, **named}, batch_size=size)
@@ -105,16 +105,16 @@ class PoseActionModule(pl.LightningModule):
         """The same terms on held-out objects, logged as `val/NAME`."""
         loss, values = self._shared_step(batch)
         values["loss"] = loss
-        size = len(batch.counts)
+        size = len(batch.delta)
         # Of all training processes together, each of which has a part of the batches.
         named = {f"val/{name}": value for name, value in values.items()}
         self.log_dict(named, batch_size=size, sync_dist=True)
 
     def _shared_step(self, batch: TrainingBatch) -> tuple[Tensor, dict[str, Tensor]]:
         if isinstance(self.network, ActionNet):
-            decision, _ = self.network(batch.observation)
-            loss = action_loss(decision, batch)
-            right = decision.logits.argmax(-1) == expert_action(batch.counts)
+            prediction, _ = self.network(batch.observation)
+            loss = action_loss(prediction, batch)
+            right = prediction.logits.argmax(-1) == expert_action(batch.delta)
             return loss, {"actions": loss.detach(), "accuracy": right.float().mean()}
         early = self.training and self.global_step < self.matching_steps
         beside = None if batch.views is None else view_pictures(batch.views)
@@ -126,12 +126,12 @@ class PoseActionModule(pl.LightningModule):
             [value * getattr(self.weights, name) for name, value in terms.items()]
         ).sum()
         values = {name: value.detach() for name, value in terms.items()}
-        counts = output.decision.counts
-        assert counts is not None
+        delta = output.prediction.delta
+        assert delta is not None
         near = batch.near[:, None]
-        left = ((counts - batch.counts).abs() * near).sum()
-        values["error_left"] = (left / (batch.counts.abs() * near).sum()).detach()
-        values["right"] = is_right(batch, point_error(batch, counts.detach())).mean()
+        left = ((delta - batch.delta).abs() * near).sum()
+        values["error_left"] = (left / (batch.delta.abs() * near).sum()).detach()
+        values["right"] = is_right(batch, point_error(batch, delta.detach())).mean()
         return loss, values
 
     def configure_optimizers(self) -> Any:

@@ -51,14 +51,14 @@ class PoseAction:
     numbers are what regression gives. `stop` (...) is boolean.
     """
 
-    counts: Tensor
+    delta: Tensor
     stop: Tensor
 
     @staticmethod
-    def of(counts: Tensor) -> PoseAction:
+    def of(delta: Tensor) -> PoseAction:
         """A move that does not stop."""
-        stop = torch.zeros(counts.shape[:-1], dtype=torch.bool, device=counts.device)
-        return PoseAction(counts, stop)
+        stop = torch.zeros(delta.shape[:-1], dtype=torch.bool, device=delta.device)
+        return PoseAction(delta, stop)
 
     @staticmethod
     def from_index(index: Tensor, step: float = 1.0) -> PoseAction:
@@ -76,7 +76,7 @@ class PoseAction:
 
         A move along several axes at once has no such vector: `ValueError`.
         """
-        moves = torch.stack([self.counts > 0, self.counts < 0], -1).flatten(-2)
+        moves = torch.stack([self.delta > 0, self.delta < 0], -1).flatten(-2)
         vector = torch.cat([moves, self.stop[..., None]], -1)
         if not (vector.sum(-1) == 1).all():
             raise ValueError("PoseAction.one_hot: each action must be one single move or stop.")
@@ -84,23 +84,23 @@ class PoseAction:
 
     def __add__(self, other: PoseAction) -> PoseAction:
         """Sum of counts; stops if either does."""
-        return PoseAction(self.counts + other.counts, self.stop | other.stop)
+        return PoseAction(self.delta + other.delta, self.stop | other.stop)
 
     def apply(self, pose: Pose, sphere_diameter: Tensor, crop: Crop = "look_at") -> Pose:
         """Centred poses (...) after the move. `sphere_diameter` (...) in metres. METHOD 3."""
         view = view_of(pose, sphere_diameter, crop)
-        counts = self.counts.to(pose.translation)
-        depth = view.distance * OBJECT_SIZE / (OBJECT_SIZE + counts[..., 2])
+        delta = self.delta.to(pose.translation)
+        depth = view.distance * OBJECT_SIZE / (OBJECT_SIZE + delta[..., 2])
         # In the virtual frame one patch pixel at this depth is depth / focal metres.
         metres = depth / view.intrinsics[..., 0, 0]
-        place = (counts[..., :2] - view.axis) * metres[..., None]
+        place = (delta[..., :2] - view.axis) * metres[..., None]
         virtual = torch.cat([place, depth[..., None]], -1)
-        turn = view.rotation.mT @ exp_so3(torch.deg2rad(counts[..., 3:])) @ view.rotation
+        turn = view.rotation.mT @ exp_so3(torch.deg2rad(delta[..., 3:])) @ view.rotation
         translation = (view.rotation.mT @ virtual[..., None])[..., 0]
         return Pose(turn @ pose.rotation, translation)
 
 
-def difference(start: Pose, goal: Pose, sphere_diameter: Tensor, crop: Crop = "look_at") -> Tensor:
+def pose_delta(start: Pose, goal: Pose, sphere_diameter: Tensor, crop: Crop = "look_at") -> Tensor:
     """Counts (..., 6) that take `start` to `goal`: the exact inverse of `PoseAction.apply`.
 
     The goal must lie in front of the virtual camera that looks at `start`; turns are the shorter
@@ -116,19 +116,19 @@ def difference(start: Pose, goal: Pose, sphere_diameter: Tensor, crop: Crop = "l
     return torch.cat([torch.stack([t_x, t_y, t_z], -1), torch.rad2deg(log_so3(turn))], -1)
 
 
-def expert_action(counts: Tensor, step: float = 1.0) -> Tensor:
+def expert_action(delta: Tensor, step: float = 1.0) -> Tensor:
     """The best single action (...) for the counts (..., 6) that remain: an `ActionSpace` index.
 
     It shortens the largest remaining count; with every count under half a step it stops. This is
     the paper's argmin with the largest absolute count as pose error (METHOD 4).
     """
-    largest, axis = counts.abs().max(-1)
-    sign = counts.gather(-1, axis[..., None])[..., 0] < 0
+    largest, axis = delta.abs().max(-1)
+    sign = delta.gather(-1, axis[..., None])[..., 0] < 0
     stop = torch.full_like(axis, int(ActionSpace.STOP))
     return torch.where(largest < 0.5 * step, stop, axis * 2 + sign.to(axis.dtype))
 
 
-def expert_difference(
+def expert_delta(
     start: Pose, goal: Pose, sphere_diameter: Tensor, symmetries: Tensor | None = None,
     crop: Crop = "look_at",
 ) -> Tensor:  # fmt: skip
@@ -138,10 +138,10 @@ def expert_difference(
     counts: by the largest count alone, which is often a shift, any turn would be as good. METHOD 4.
     """
     if symmetries is None or len(symmetries) < 2:
-        return difference(start, goal, sphere_diameter, crop)
+        return pose_delta(start, goal, sphere_diameter, crop)
     goals = goal @ Pose.from_matrix(symmetries.to(goal.translation))
     starts = Pose(
         start.rotation.expand_as(goals.rotation), start.translation.expand_as(goals.translation)
     )
-    counts = difference(starts, goals, sphere_diameter.expand(len(goals)), crop)
-    return counts[counts.norm(dim=-1).argmin()]
+    delta = pose_delta(starts, goals, sphere_diameter.expand(len(goals)), crop)
+    return delta[delta.norm(dim=-1).argmin()]

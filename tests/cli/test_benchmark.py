@@ -164,7 +164,7 @@ def test_resuming_does_only_what_is_not_done_the_same_way(
     names = sorted(path.name for path in report.iterdir())
     assert names == ["easy_00.html", "hard_01.html", "index.html"]
     assert main(again) == 0 and len(calls) == 3
-    assert main([*again, "--max_steps", "1"]) == 0 and len(calls) == 9
+    assert main([*again, "--max_iterations", "1"]) == 0 and len(calls) == 9
     assert main([*again, "--float32"]) == 0 and len(calls) == 15
 
 
@@ -225,7 +225,7 @@ def test_two_processes_with_one_killed_give_the_same_tracks(
     torch.manual_seed(0)
     save_network(CorrelationNet(TINY), weights)
     command = ["benchmark", "tracking", "--sequences", str(made.folder.parent),
-               "--weights", str(weights), "--max_steps", "2", "--output"]  # fmt: skip
+               "--weights", str(weights), "--max_iterations", "2", "--output"]  # fmt: skip
     assert main([*command, str(tmp_path / "one")]) == 0
     monkeypatch.setattr(sequence_job, "work", killed_sequence.work)
     monkeypatch.setenv(killed_sequence.FOLDER, str(tmp_path))

@@ -14,22 +14,22 @@ from moveit6d.datasets.files import read_poses
 from moveit6d.datasets.sequences import read_sequences
 from moveit6d.evaluation.tracking import Score
 from moveit6d.geometry.crop import Crop
-from moveit6d.networks.decision import Decision
+from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import MoveMode, Situation
+from moveit6d.policies import ActionMode, LoopState
 
 
 class Stay:
     """Stops at once."""
 
-    mode = MoveMode.SINGLE
+    mode = ActionMode.SINGLE
     crop: Crop = "look_at"
 
-    def decide(self, seen: Observation, situation: Situation) -> Decision:
-        count = len(situation.sphere_diameter)
+    def predict(self, seen: Observation, state: LoopState) -> PolicyOutput:
+        count = len(state.sphere_diameter)
         stop = torch.full((count,), int(ActionSpace.STOP))
         logits = torch.nn.functional.one_hot(stop, 13).double()
-        return Decision(logits, torch.zeros(count, 6, dtype=torch.float64), torch.ones(count))
+        return PolicyOutput(logits, torch.zeros(count, 6, dtype=torch.float64), torch.ones(count))
 
 
 @pytest.fixture(autouse=True)

@@ -49,7 +49,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert printed(["--version"], capsys) == f"moveit6d {__version__}\n"
 
 
-@pytest.mark.parametrize("arguments", [[], ["dance"], ["track"], ["track", "--max_steps", "0"]])
+@pytest.mark.parametrize("arguments", [[], ["dance"], ["track"], ["track", "--max_iterations", "0"]])
 def test_wrong_arguments_are_bad_input(
     arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

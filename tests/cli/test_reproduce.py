@@ -19,7 +19,7 @@ from moveit6d.datasets.files import read_pose, write_camera
 from moveit6d.datasets.laval import write_laval_sequence
 from moveit6d.datasets.ycbv import write_ycbv_scene
 from moveit6d.geometry.pose import Pose
-from moveit6d.policies import MoveMode, OraclePolicy
+from moveit6d.policies import ActionMode, OraclePolicy
 
 Make = Callable[..., Any]
 FRAMES = 4
@@ -31,7 +31,7 @@ def oracle(monkeypatch: pytest.MonkeyPatch, scene: Any) -> None:
     truth = Pose.stack([scene.mesh.inner(scene.pose(0))] * 64)
 
     def load(*_: Any) -> OraclePolicy:
-        return OraclePolicy(truth, MoveMode.ALL_AXES)
+        return OraclePolicy(truth, ActionMode.ALL_AXES)
 
     monkeypatch.setattr("moveit6d.policies.load_policy", load)
 

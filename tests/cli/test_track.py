@@ -89,9 +89,9 @@ def test_a_track_is_written_whole(clip: Clip, scene: Any, capsys: Any) -> None:
 
 
 def test_no_overlay_leaves_it_out(clip: Clip) -> None:
-    assert clip.track("--no_overlay", "--max_steps", "1", "--threads", "1") == 0
+    assert clip.track("--no_overlay", "--max_iterations", "1", "--threads", "1") == 0
     assert not (clip.output / "overlay.mp4").exists()
-    assert {row.steps for row in read_poses(clip.output / "poses.csv")} == {1}
+    assert {row.iterations for row in read_poses(clip.output / "poses.csv")} == {1}
 
 
 def test_a_report_is_written_and_after_ctrl_c_too(

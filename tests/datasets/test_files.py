@@ -123,7 +123,7 @@ def test_poses_come_back_and_holes_stay_holes(tmp_path: Path) -> None:
     rows = [
         PoseRow(0, "a.png", some_pose(), 3, "stop_action", 0.75, 12.5),
         PoseRow(1, "b.png", None, stopped_by="failed"),
-        PoseRow(2, 'odd, "name".png', some_pose(0.2), 30, "max_steps", 0.25, 40.0),
+        PoseRow(2, 'odd, "name".png', some_pose(0.2), 30, "max_iterations", 0.25, 40.0),
     ]
     write_poses(path, rows)
     lines = path.read_text().splitlines()
@@ -134,8 +134,8 @@ def test_poses_come_back_and_holes_stay_holes(tmp_path: Path) -> None:
     assert lines[2] == "1,b.png,,,,,,,,,,,,,,failed,,"
     back = read_poses(path)
     assert [row.image for row in back] == [row.image for row in rows]
-    assert back[1].pose is None and back[1].steps is None and back[1].milliseconds is None
-    assert (back[2].steps, back[2].stopped_by) == (30, "max_steps")
+    assert back[1].pose is None and back[1].iterations is None and back[1].milliseconds is None
+    assert (back[2].iterations, back[2].stopped_by) == (30, "max_iterations")
     assert (back[0].confidence, back[0].milliseconds) == (0.75, 12.5)
     for old, new in zip(rows, back, strict=True):
         if old.pose is not None and new.pose is not None:

@@ -112,7 +112,7 @@ def test_killed_and_started_again_in_parts_they_are_the_same(
 
 
 def key(batch: TrainingBatch) -> tuple[float, ...]:
-    return tuple(batch.counts.flatten().tolist())
+    return tuple(batch.delta.flatten().tolist())
 
 
 def test_an_epoch_is_every_pair_once_whoever_reads(whole: Path) -> None:

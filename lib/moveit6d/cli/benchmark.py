@@ -148,8 +148,8 @@ def rendered(args: argparse.Namespace) -> int:
     ))  # fmt: skip
     found = list(progress(
         run_cases(
-            cases, policy, renderer, args.max_steps,
-            search=not args.no_search, regions=not args.no_regions,
+            cases, policy, renderer, args.max_iterations,
+            multi_start=not args.no_multi_start, contour=not args.no_contour,
         ),
         len(cases), "refine", "case",
     ))  # fmt: skip
@@ -163,7 +163,7 @@ def rendered(args: argparse.Namespace) -> int:
     print(f"{len(found)} cases, {len(meshes)} objects, cluster {args.cluster}, covered "
           f"{args.covered:g}, seed {args.seed}\n")  # fmt: skip
     print(plain(["", "ADD<2%", "ADD<5%", "ADD<10%", "median % d"], rows))
-    steps = [case.result.steps for case in found]
+    iterations = [case.result.iterations for case in found]
     print(f"\nsteps: mean {np.mean(steps):.2f}, median {np.median(steps):g}")
     belief = torch.tensor([case.result.confidence for case in found])
     right = torch.tensor([case.after < ADD_LIMIT for case in found])
@@ -177,7 +177,7 @@ def oracle(args: argparse.Namespace) -> int:
 
     from ..evaluation.oracle import oracle_errors
     from ..evaluation.tables import plain
-    from ..policies import MoveMode
+    from ..policies import ActionMode
     from ..rendering.renderer import make_renderer
     from ..synthesis.shapes import random_object
 
@@ -186,7 +186,7 @@ def oracle(args: argparse.Namespace) -> int:
     random = np.random.default_rng(0)
     meshes = [random_object(random) for _ in range(3)]
     rows = []
-    for mode in MoveMode:
+    for mode in ActionMode:
         loops = oracle_errors(meshes, renderer, mode, args.starts)
         left = np.array(list(progress(loops, args.starts, mode.value, "loop")))
         rows.append([mode.value, str(len(left)), str(int((left < 0.5).sum())), f"{left.max():.3f}"])

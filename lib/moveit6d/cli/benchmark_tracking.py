@@ -98,7 +98,7 @@ def add_kind(kinds: Any) -> None:
     add_tracking_options(parser)
     add_beyond_paper_options(parser)
     parser.add_argument(
-        "--no_learning",
+        "--no_calibration",
         action="store_true",
         help="learn nothing from the first frame, whose pose is given",
     )
@@ -302,11 +302,11 @@ class Bench:
         return {
             **weights_facts(self.args.weights),
             "renderer": job.setting.renderer,
-            "max_steps": job.setting.max_steps,
-            "search": job.setting.search,
-            "regions": job.setting.regions,
+            "max_iterations": job.setting.max_iterations,
+            "search": job.setting.multi_start,
+            "regions": job.setting.contour,
             "single_actions": job.setting.single_actions,
-            "learning": job.setting.learning,
+            "learning": job.setting.calibration,
             "compute": job.setting.compute,
             "protocol": job.protocol.name,
             "first": job.sequence.first,

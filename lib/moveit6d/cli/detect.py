@@ -36,7 +36,7 @@ examples:
   moveit6d detect --mesh drill.glb --mesh_unit m --image frames/000000.jpg \\
       --camera camera.json --output found
   moveit6d detect --mesh drill.glb --mesh_unit m --image first.png --camera camera.json \\
-      --output found --judge steps --rotations 120
+      --output found --criterion steps --rotations 120
 """
 
 
@@ -49,7 +49,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--camera", type=Path, required=True, metavar="FILE", help="intrinsics")
     parser.add_argument("--output", type=Path, required=True, metavar="DIR", help="for results")
     parser.add_argument(
-        "--judge", choices=("confidence", "steps"), default="confidence",
+        "--criterion", choices=("confidence", "steps"), default="confidence",
         help="how the best candidate is told: by the network's confidence, or by fewest steps",
     )  # fmt: skip
     parser.add_argument(
@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
 
     from ..datasets.files import read_camera, replacing, write_json, write_pose
     from ..datasets.video import ImageList
-    from ..estimation import PoseDetector, SearchConfig
+    from ..estimation import PoseDetector, DetectorConfig
     from ..geometry.mesh import Mesh
     from ..visualization.overlay import draw_pose
 
@@ -77,13 +77,13 @@ def run(args: argparse.Namespace) -> int:
     frame = next(iter(ImageList((args.image,))))
     if frame.image is None:
         raise InputError(f"{args.image}: {frame.error}")
-    search = SearchConfig(
+    config = DetectorConfig(
         tuple(args.sizes), sinks=args.sinks, rotations=args.rotations, seed=args.seed
     )
     policy, renderer = set_up(args)
     detector = PoseDetector(
-        mesh, camera, judge=args.judge, search=search, policy=policy, renderer=renderer,
-        max_steps=args.max_steps,
+        mesh, camera, criterion=args.criterion, config=config, policy=policy, renderer=renderer,
+        max_iterations=args.max_iterations,
     )  # fmt: skip
     found = detector.detect(frame.image)
     if found.result is None or found.pose is None:
@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
         Image.fromarray(draw_pose(frame.image, mesh, found.pose, camera, renderer)).save(temporary)
     facts = {
         "confidence": found.result.confidence,
-        "steps": found.result.steps,
+        "steps": found.result.iterations,
         "candidates": len(found.candidates),
         "sinks": [
             {"pixel": s.centre.tolist(), "strength": s.strength, "size": s.size}

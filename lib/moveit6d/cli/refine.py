@@ -204,8 +204,8 @@ def _refine(
 
     try:
         return refine_single(
-            targets, policy=policy, renderer=renderer, max_steps=setting.max_steps,
-            search=setting.search, regions=setting.regions,
+            targets, policy=policy, renderer=renderer, max_iterations=setting.max_iterations,
+            multi_start=setting.multi_start, contour=setting.contour,
         )  # fmt: skip
     except InputError as error:
         if len(targets) == 1:

@@ -63,7 +63,7 @@ def reporting(
 
     Nothing but gathering without a path.
     """
-    from ..estimation.hypotheses import DOUBTFUL
+    from ..estimation.track_state import LOW_CONFIDENCE
 
     gathered = Gathered()
     try:
@@ -77,7 +77,7 @@ def reporting(
                 title=mesh.name,
                 verdict=f"{len(gathered.rows)} frames, {missing} without a pose",
                 mesh=mesh, camera=camera, frames=frames, rows=gathered.rows, facts=facts,
-                failures=gathered.failures, doubtful=DOUBTFUL,
+                failures=gathered.failures, doubtful=LOW_CONFIDENCE,
             )  # fmt: skip
             write_report(path, run, renderer)
 
@@ -102,7 +102,7 @@ def sequence_page(
     renderer: Renderer,
 ) -> str:
     """The page of one sequence; errors are against `truth`, the first of which is not counted."""
-    from ..estimation.hypotheses import DOUBTFUL
+    from ..estimation.track_state import LOW_CONFIDENCE
     from ..evaluation.tracking import Surface, frame_errors
     from ..visualization.report import Run, report_page
 
@@ -114,7 +114,7 @@ def sequence_page(
         verdict="too few true poses to score" if score is None else verdict(score),
         mesh=mesh, camera=sequence.camera, frames=sequence.open(), rows=gathered.rows,
         facts=facts, truth=sequence.truth, errors={error.frame: error for error in errors},
-        failures=gathered.failures, doubtful=DOUBTFUL,
+        failures=gathered.failures, doubtful=LOW_CONFIDENCE,
     )  # fmt: skip
     return report_page(run, renderer)
 

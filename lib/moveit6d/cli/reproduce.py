@@ -130,11 +130,11 @@ def _opened(args: argparse.Namespace) -> tuple[list[Sequence], str]:
 def _tools(
     args: argparse.Namespace, weights: Path | None, mode: str | None
 ) -> tuple[Policy, Renderer]:
-    from ..policies import MoveMode
+    from ..policies import ActionMode
 
     policy, renderer = set_up(argparse.Namespace(**{**vars(args), "weights": weights}))
     if mode is not None:
-        policy.mode = MoveMode(mode)
+        policy.mode = ActionMode(mode)
     return policy, renderer
 
 
@@ -145,7 +145,7 @@ def _facts(args: argparse.Namespace, policy: Policy, weights: Path | None) -> di
         "mode": policy.mode.value,
         "float32": args.float32,
         "renderer": args.renderer,
-        "max_steps": args.max_steps,
+        "max_iterations": args.max_iterations,
         "only": sorted(args.only or []),
         "versions": versions(),
     }
@@ -165,13 +165,13 @@ def _tracks(
     from ..evaluation.reproduce.tracks import Setting, run_tracks
 
     policy, renderer = _tools(args, weights, args.mode)
-    limit = args.max_steps or PAPER.max_steps
-    facts = {**_facts(args, policy, weights), "max_steps": limit, "protocol": PAPER.name}
+    limit = args.max_iterations or PAPER.max_iterations
+    facts = {**_facts(args, policy, weights), "max_iterations": limit, "protocol": PAPER.name}
 
     def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker:
         return PoseTracker(
-            mesh, camera, start, policy=policy, renderer=renderer, max_steps=limit,
-            regions=False,  # the paper has no such thing
+            mesh, camera, start, policy=policy, renderer=renderer, max_iterations=limit,
+            contour=False,  # the paper has no such thing
         )  # fmt: skip
 
     kept = {k: v for k, v in facts.items() if k not in ("only", "versions")}
@@ -218,7 +218,7 @@ def _convergence(args: argparse.Namespace) -> Outcome:
     policy, renderer = _tools(args, args.weights, args.mode or "single")
     readings = tuple(convergence.Reading) if args.reading is None else (args.reading,)
     given: dict[str, Any] = {} if args.m is None else {"ms": tuple(args.m)}
-    given |= {} if args.max_steps is None else {"max_steps": args.max_steps}
+    given |= {} if args.max_iterations is None else {"max_iterations": args.max_iterations}
     plan = convergence.Plan(
         readings=tuple(map(convergence.Reading, readings)), frames=args.frames, **given
     )
@@ -228,7 +228,7 @@ def _convergence(args: argparse.Namespace) -> Outcome:
         number = len(convergence.frames_of(video, plan))
         for found in progress(runs, number, video.name):
             trials += found
-    facts = {**_facts(args, policy, args.weights), "step": plan.step, "max_steps": plan.max_steps}
+    facts = {**_facts(args, policy, args.weights), "step": plan.step, "max_iterations": plan.max_iterations}
     return convergence.outcome(trials, data, facts)
 
 
@@ -271,16 +271,16 @@ def _attention(args: argparse.Namespace) -> Outcome:
 
 
 def _detection(args: argparse.Namespace) -> Outcome:
-    from ..estimation import PoseDetector, SearchConfig
+    from ..estimation import PoseDetector, DetectorConfig
     from ..evaluation.reproduce import detection
 
     videos, data = _opened(args)
     policy, renderer = _tools(args, args.weights, args.mode)
-    search = SearchConfig(tuple(args.sizes), args.poses, args.sinks, args.rotations)
+    multi_start = DetectorConfig(tuple(args.sizes), args.poses, args.sinks, args.rotations)
     detectors = {
         video.name: PoseDetector(
-            video.load_mesh(), video.camera, judge="steps", search=search, policy=policy,
-            renderer=renderer, max_steps=args.max_steps,
+            video.load_mesh(), video.camera, criterion="steps", multi_start=multi_start, policy=policy,
+            renderer=renderer, max_iterations=args.max_iterations,
         )
         for video in videos
     }  # fmt: skip
@@ -295,8 +295,8 @@ def _detection(args: argparse.Namespace) -> Outcome:
             example = detection.Example(image, found, detection.TURNS, *curve)
     if example is None:
         raise InputError(f"{args.data}: no frame with a true pose could be read.")
-    limit = next(iter(detectors.values())).max_steps
-    facts = {**_facts(args, policy, args.weights), "max_steps": limit, "search": vars(search)}
+    limit = next(iter(detectors.values())).max_iterations
+    facts = {**_facts(args, policy, args.weights), "max_iterations": limit, "search": vars(multi_start)}
     return detection.outcome(trials, example, data, facts)
 
 

@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.files import PoseWriter, read_camera, read_pose
     from ..datasets.video import LiveCamera, Prefetched, open_frames
     from ..estimation import PoseTracker
-    from ..evaluation.rollout import Record, follow, learning
+    from ..evaluation.rollout import Record, follow, calibrating
     from ..geometry.mesh import Mesh
     from .drawing import draw_step
 
@@ -112,7 +112,7 @@ def run(args: argparse.Namespace) -> int:
     policy, renderer = set_up(args)
     tracker = PoseTracker(
         mesh, camera, start, policy=policy, renderer=renderer,
-        max_steps=args.max_steps, search=not args.no_search, regions=not args.no_regions,
+        max_iterations=args.max_iterations, multi_start=not args.no_multi_start, contour=not args.no_contour,
     )  # fmt: skip
     output = new_folder(args.output)
     record = Record()
@@ -126,7 +126,7 @@ def run(args: argparse.Namespace) -> int:
         # A camera read ahead would show the past.
         ahead = frames if isinstance(frames, LiveCamera) else Prefetched(frames)
         watched = progress(ahead, frames.length, "track")
-        known = learning(tracker, watched) if args.exact_start else watched
+        known = calibrating(tracker, watched) if args.exact_start else watched
         for step in complaining(follow(tracker, known)):
             table.write(step.row)
             record.add(step)

@@ -44,7 +44,7 @@ class PoseRow:
     frame: int
     image: str = ""
     pose: Pose | None = None
-    steps: int | None = None
+    iterations: int | None = None
     stopped_by: str = ""
     confidence: float | None = None
     milliseconds: float | None = None
@@ -286,12 +286,12 @@ def _read_row(row: Mapping[str, str | None], where: str) -> PoseRow:
     frame = _optional(row["frame"], f"{where}: frame")
     if frame is None or not frame.is_integer():
         raise InputError(f"{where}: frame must be a whole number, found {row['frame']!r}.")
-    steps = _optional(row.get("steps"), f"{where}: steps")
+    iterations = _optional(row.get("steps"), f"{where}: steps")
     return PoseRow(
         frame=int(frame),
         image=row.get("image") or "",
         pose=pose,
-        steps=None if steps is None else int(steps),
+        iterations=None if iterations is None else int(iterations),
         stopped_by=row.get("stopped_by") or "",
         confidence=_optional(row.get("confidence"), f"{where}: confidence"),
         milliseconds=_optional(row.get("milliseconds"), f"{where}: milliseconds"),

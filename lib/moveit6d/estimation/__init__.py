@@ -5,12 +5,12 @@
 Never knows a network, only policies.
 """
 
-from .detector import Detection, Judge, PoseDetector, SearchConfig
+from .detector import Detection, SelectionCriterion, PoseDetector, DetectorConfig
 from .estimator import PoseEstimator, refine_single
-from .loop import StopReason, Target, TrackingResult, refine_batch
+from .refine import StopReason, Target, TrackingResult, refine_batch
 from .tracker import PoseTracker
 
 __all__ = [
-    "Detection", "Judge", "PoseDetector", "PoseEstimator", "PoseTracker", "SearchConfig",
+    "Detection", "Judge", "PoseDetector", "PoseEstimator", "PoseTracker", "DetectorConfig",
     "StopReason", "Target", "TrackingResult", "refine_batch", "refine_single",
 ]  # fmt: skip

@@ -10,13 +10,13 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from ..actions import PoseAction, difference
+from ..actions import PoseAction, pose_delta
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..policies import MoveMode, Policy
+from ..policies import ActionMode, Policy
 from ..rendering.renderer import Renderer
 from .frame import Frame
-from .loop import ZOOM, Target, out_of_sight, refine_batch
+from .refine import FINE_SCALE, Target, out_of_sight, refine_batch
 
 PAIRS = 4  # starts on either side of the known pose
 # How far they lie from it, counts: errors at one single pose are half noise.
@@ -33,7 +33,7 @@ def depth_bias(
     Read in a frame where the pose is exact (mesh file's frame); at most `MOST` either way. 0 for a
     policy of single actions: it has no counts that could be corrected.
     """
-    if policy.mode is MoveMode.SINGLE:
+    if policy.mode is ActionMode.SINGLE:
         return 0.0
     centred = mesh.inner(pose.to(torch.float64))
     diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
@@ -43,14 +43,14 @@ def depth_bias(
         for offset in np.concatenate([offsets, -offsets])
     ]
     targets = [
-        Target(frame, frame.camera, mesh, mesh.outer(start), close=True)
+        Target(frame, frame.camera, mesh, mesh.outer(start), fine=True)
         for start in starts
         if out_of_sight(start.translation, mesh.sphere_diameter, frame.camera) is None
     ]
     ends = [
         mesh.inner(result.pose)
-        for result in refine_batch(targets, policy=policy, renderer=renderer, max_steps=1)
+        for result in refine_batch(targets, policy=policy, renderer=renderer, max_iterations=1)
         if result.pose is not None
     ]
-    past = [float(difference(centred, end, diameter / ZOOM)[2]) for end in ends]
+    past = [float(pose_delta(centred, end, diameter / FINE_SCALE)[2]) for end in ends]
     return float(np.clip(LASTING * np.mean(past), -MOST, MOST)) if past else 0.0

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from ..geometry.crop import Crop
 from ..observation import Observation
 from .blocks import Residual, attention_pool, conv_block
-from .decision import Decision
+from .policy_output import PolicyOutput
 
 
 @dataclass(frozen=True)
@@ -48,11 +48,11 @@ class ActionNet(nn.Module):
             nn.Linear(c16, config.hidden), nn.ReLU(inplace=True), nn.Linear(config.hidden, 14)
         )
 
-    def forward(self, seen: Observation) -> tuple[Decision, Tensor]:
+    def forward(self, observation: Observation) -> tuple[PolicyOutput, Tensor]:
         """The decision, and the confidence's logit (B,) for training."""
-        channels = seen.channels(self.config.use_depth) - 0.45
+        channels = observation.channels(self.config.use_depth) - 0.45
         features = self.embed(channels.contiguous(memory_format=torch.channels_last))
         attention = torch.sigmoid(self.attend(features))
         values = self.decide(attention_pool(features, attention))
-        decision = Decision(values[:, :13], None, torch.sigmoid(values[:, 13]), attention)
-        return decision, values[:, 13]
+        prediction = PolicyOutput(values[:, :13], None, torch.sigmoid(values[:, 13]), attention)
+        return prediction, values[:, 13]

@@ -37,7 +37,7 @@ class Residual(nn.Module):
         return torch.relu(features + self.second(self.first(features)))
 
 
-def deepened(
+def with_extra_blocks(
     before: Sequence[nn.Module], channels: int, number: int, after: Sequence[nn.Module] = ()
 ) -> nn.Sequential:
     """Modules in sequence with `number` residual blocks put in between that begin as identities.

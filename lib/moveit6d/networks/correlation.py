@@ -17,9 +17,9 @@ from torch.nn import functional
 from ..geometry.crop import PATCH_SIZE, Crop
 from ..observation import Observation
 from .blocks import Residual, attention_pool, conv_block
-from .cells import CellAnswer
-from .decision import Decision
-from .least_squares import cell_pixels, jacobian, solve_counts, surface_points
+from .dense_prediction import DensePrediction
+from .policy_output import PolicyOutput
+from .least_squares import cell_pixels, jacobian, solve_delta, surface_points
 from .matching import (
     BLOCK,
     centred,
@@ -64,11 +64,11 @@ class CorrelationOutput:
     """
 
     matching: Tensor
-    coarse: CellAnswer
-    fine: CellAnswer
+    coarse: DensePrediction
+    fine: DensePrediction
     solved: Tensor
     confidence_logit: Tensor
-    decision: Decision
+    prediction: PolicyOutput
     described: Tensor | None = None  # descriptors of the pictures beside, see `forward`
 
 
@@ -114,7 +114,7 @@ class CorrelationNet(nn.Module):
         self.head = nn.Sequential(
             nn.Linear(wide + fine + 6, 128), nn.ReLU(inplace=True), nn.Linear(128, 19)
         )
-        self.judge = nn.Sequential(
+        self.criterion = nn.Sequential(
             nn.Linear(2 * wide + 2 * fine + _FACTS, 128), nn.ReLU(inplace=True), nn.Linear(128, 1)
         )
         self.temperature = nn.Parameter(torch.tensor(2.5))  # logarithm
@@ -146,18 +146,18 @@ class CorrelationNet(nn.Module):
         return described
 
     def forward(
-        self, seen: Observation, matching_only: bool = False, beside: Tensor | None = None
+        self, observation: Observation, matching_only: bool = False, beside: Tensor | None = None
     ) -> CorrelationOutput:
         """Answer a batch; describe pictures (N, 3, 128, 128) `beside` it as `descriptors` does.
 
         With `matching_only` the gradient of everything after the correlation does not reach the
         encoder: the first steps of a training need it, or the correlation stays at chance.
         """
-        batch = len(seen)
-        depth = seen.depth if self.config.use_depth else torch.zeros_like(seen.depth)
+        batch = len(observation)
+        depth = observation.depth if self.config.use_depth else torch.zeros_like(observation.depth)
         # Grey, not black, around the object: a dark one would have no outline.
-        rendering = (seen.rendering - GREY) * seen.mask
-        pictures = torch.cat([seen.image - GREY, rendering])
+        rendering = (observation.rendering - GREY) * observation.mask
+        pictures = torch.cat([observation.image - GREY, rendering])
         if beside is not None:
             pictures = torch.cat([pictures, beside - GREY])
         shared4 = self.encode4(pictures.contiguous(memory_format=torch.channels_last))
@@ -168,7 +168,7 @@ class CorrelationNet(nn.Module):
             described = self.describe(apart.detach() if matching_only else apart)
             shared4, shared8 = shared4[: 2 * batch], shared8[: 2 * batch]
         shared8 = centred(shared8)
-        geometry = torch.cat([rendering, depth, seen.mask], 1)
+        geometry = torch.cat([rendering, depth, observation.mask], 1)
         geometry4 = self.geometry4(geometry.contiguous(memory_format=torch.channels_last))
         image8, render8 = shared8[:batch], shared8[batch:]
 
@@ -191,66 +191,66 @@ class CorrelationNet(nn.Module):
         hidden = self.decode(side_by_side(self.volume(volume * 4), first / 8, context))
         around = functional.interpolate(self.decode16(hidden), scale_factor=2.0, mode="nearest")
         hidden = self.merge(torch.relu(hidden + around))
-        coarse = _cells(self.answer(hidden), first * 8, 8.0)
+        coarse = _dense_prediction(self.answer(hidden), first * 8, 8.0)
 
         fine, fine_hidden, likeness = self._refine(shared4, geometry4, hidden, coarse, batch)
-        solved, residual = self._solve(seen, depth, fine)
+        solved, residual = self._solve(observation, depth, fine)
 
         attention = torch.sigmoid(self.attend(hidden))
-        object4, object8 = functional.max_pool2d(seen.mask, 4), functional.max_pool2d(seen.mask, 8)
+        object4, object8 = functional.max_pool2d(observation.mask, 4), functional.max_pool2d(observation.mask, 8)
         attended, near = attention_pool(hidden, attention), attention_pool(fine_hidden, object4)
         values = self.head(torch.cat([attended, near, solved / 10], 1))
-        counts = solved + values[:, :6] * _HEAD_SCALE
+        delta = solved + values[:, :6] * _HEAD_SCALE
         # The confidence must not bend what the displacements are made of.
-        facts = self._facts(fine, object4, object8, volume, likeness, counts, residual)
+        facts = self._facts(fine, object4, object8, volume, likeness, delta, residual)
         pooled = [attended, attention_pool(hidden, object8), near,
                   functional.adaptive_max_pool2d(fine_hidden * object4, 1)[..., 0, 0]]  # fmt: skip
-        confidence = self.judge(torch.cat([*pooled, facts.detach()], 1))[:, 0]
-        decision = Decision(values[:, 6:19], counts, torch.sigmoid(confidence), attention)
+        confidence = self.criterion(torch.cat([*pooled, facts.detach()], 1))[:, 0]
+        prediction = PolicyOutput(values[:, 6:19], delta, torch.sigmoid(confidence), attention)
         return CorrelationOutput(
-            matching.flatten(2).mT, coarse, fine, solved, confidence, decision, described
+            matching.flatten(2).mT, coarse, fine, solved, confidence, prediction, described
         )  # fmt: skip
 
     def _facts(
-        self, fine: CellAnswer, object4: Tensor, object8: Tensor, volume: Tensor, likeness: Tensor,
-        counts: Tensor, residual: Tensor,
+        self, fine: DensePrediction, object4: Tensor, object8: Tensor, volume: Tensor, likeness: Tensor,
+        delta: Tensor, residual: Tensor,
     ) -> Tensor:  # fmt: skip
         """Numbers (B, 9) that tell how well the match holds together."""
         on4, on8 = object4.flatten(1), object8.flatten(1)
-        seen = torch.sigmoid(fine.visibility).flatten(1)
+        observation = torch.sigmoid(fine.visibility).flatten(1)
         trusted = torch.sigmoid(fine.weight).flatten(1)
         pairs = (residual * trusted * on4).sum(1) / ((trusted * on4).sum(1) + 1e-3)
         return torch.stack(
             [
-                _mean(seen, on4),
+                _mean(observation, on4),
                 _mean(trusted, on4),
                 torch.log1p(pairs),
                 torch.log1p(_mean(residual, on4)),
                 _mean(volume.amax(1).flatten(1), on8),
                 _mean(volume[:, volume.shape[1] // 2].flatten(1), on8),
                 _mean(likeness.flatten(1), on4),
-                torch.log1p(counts.norm(dim=1)) / 3,
+                torch.log1p(delta.norm(dim=1)) / 3,
                 on4.mean(1) * 3,
             ],
             1,
         ).float()
 
-    def _solve(self, seen: Observation, depth: Tensor, cells: CellAnswer) -> tuple[Tensor, Tensor]:
+    def _solve(self, observation: Observation, depth: Tensor, cells: DensePrediction) -> tuple[Tensor, Tensor]:
         """The six counts (B, 6) that the cells' answers amount to, and what is left (B, cells)."""
-        points = surface_points(depth, seen.distance, self.fine_pixels)
-        covered = seen.mask[:, 0, self.fine_pixels[:, 1], self.fine_pixels[:, 0]]
+        points = surface_points(depth, observation.distance, self.fine_pixels)
+        covered = observation.mask[:, 0, self.fine_pixels[:, 1], self.fine_pixels[:, 0]]
         weight = torch.sigmoid(cells.weight).flatten(1) * covered
         moves = cells.displacement.flatten(2).mT.float()
-        slopes = jacobian(points, seen.distance)
+        slopes = jacobian(points, observation.distance)
         with torch.autocast(depth.device.type, enabled=False):
             shape = cells.shape.flatten(2).mT.float()
-            counts = solve_counts(moves, weight.float(), shape, slopes, self.damping.exp())
-            explained = (slopes @ counts[:, None, :, None])[..., 0]
-        return counts, (moves - explained).square().sum(-1).add(1e-6).sqrt()
+            delta = solve_delta(moves, weight.float(), shape, slopes, self.damping.exp())
+            explained = (slopes @ delta[:, None, :, None])[..., 0]
+        return delta, (moves - explained).square().sum(-1).add(1e-6).sqrt()
 
     def _refine(
-        self, shared4: Tensor, geometry4: Tensor, hidden: Tensor, coarse: CellAnswer, batch: int
-    ) -> tuple[CellAnswer, Tensor, Tensor]:
+        self, shared4: Tensor, geometry4: Tensor, hidden: Tensor, coarse: DensePrediction, batch: int
+    ) -> tuple[DensePrediction, Tensor, Tensor]:
         """Match again at stride 4 around the coarse answer; how alike both are there, too."""
         matched = centred(self.fine_match(shared4))
         image4 = functional.normalize(matched[:batch], dim=1)
@@ -266,11 +266,11 @@ class CorrelationNet(nn.Module):
         volume = self.fine_volume(correlation * 4)
         fine = self.fine_decode(side_by_side(volume, start / 16, context))
         middle = correlation[:, correlation.shape[1] // 2]
-        return _cells(self.fine_answer(fine), start, 4.0), fine, middle
+        return _dense_prediction(self.fine_answer(fine), start, 4.0), fine, middle
 
 
-def _cells(values: Tensor, start: Tensor, stride: float) -> CellAnswer:
-    return CellAnswer(start + values[:, :2] * stride, values[:, 2], values[:, 3], values[:, 4:])
+def _dense_prediction(values: Tensor, start: Tensor, stride: float) -> DensePrediction:
+    return DensePrediction(start + values[:, :2] * stride, values[:, 2], values[:, 3], values[:, 4:])
 
 
 def _mean(values: Tensor, where: Tensor) -> Tensor:

@@ -45,18 +45,18 @@ def project_points(points: Tensor, distance: Tensor) -> Tensor:
 
 
 def move_points(
-    points: Tensor, distance: Tensor, counts: Tensor, direction: Tensor | None = None
+    points: Tensor, distance: Tensor, delta: Tensor, direction: Tensor | None = None
 ) -> Tensor:
     """Surface points (B, M, 3) after the move (B, 6), as `PoseAction.apply` moves the object.
 
     In an axis-parallel view `direction` (B, 2) is x / z and y / z of the object's centre. Points
     are then those of `surface_points` still: as if the centre stood straight ahead (`slanted`).
     """
-    depth = distance * OBJECT_SIZE / (OBJECT_SIZE + counts[:, 2])
+    depth = distance * OBJECT_SIZE / (OBJECT_SIZE + delta[:, 2])
     metres = depth / (OBJECT_SIZE * distance)
-    goal = torch.stack([counts[:, 0] * metres, counts[:, 1] * metres, depth], -1)
+    goal = torch.stack([delta[:, 0] * metres, delta[:, 1] * metres, depth], -1)
     start = torch.stack([torch.zeros_like(distance), torch.zeros_like(distance), distance], -1)
-    rotation = exp_so3(counts[:, 3:] * _DEGREE)
+    rotation = exp_so3(delta[:, 3:] * _DEGREE)
     around = points - start[:, None]
     if direction is None:
         return around @ rotation.mT + goal[:, None]
@@ -105,7 +105,7 @@ def precision(shape: Tensor) -> Tensor:
     return torch.stack(rows, -2)
 
 
-def solve_counts(
+def solve_delta(
     displacement: Tensor, weight: Tensor, shape: Tensor, matrix: Tensor, damping: Tensor,
     limit: float = 40.0,
 ) -> Tensor:  # fmt: skip
@@ -124,5 +124,5 @@ def solve_counts(
     flat = matrix.flatten(1, 2)
     normal = weighted.mT @ flat / total + torch.diag(damping)
     right = weighted.mT @ displacement.flatten(1)[..., None] / total
-    counts: Tensor = torch.linalg.solve_ex(normal, right)[0][..., 0]
-    return counts.clamp(-limit, limit)
+    delta: Tensor = torch.linalg.solve_ex(normal, right)[0][..., 0]
+    return delta.clamp(-limit, limit)

@@ -48,7 +48,7 @@ class ClusterConfig:
 CLUSTERS = ("one_small", "one_large", "one_large_rest_small", "all_small", "all_large", "near")
 
 
-def draw_counts(
+def draw_delta(
     random: np.random.Generator, config: ClusterConfig, number: int, cluster: str | None = None
 ) -> np.ndarray:
     """Counts (number, 6) float64, each from a random cluster, or all from the named one.

@@ -12,12 +12,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ..actions import difference
+from ..actions import pose_delta
 from ..geometry.crop import Crop
 from ..geometry.pose import Pose
 
 
-def nearest_counts(
+def nearest_delta(
     symmetries: Sequence[NDArray[np.float64]], start: Pose, goal: Pose, sphere_diameter: Tensor,
     crop: Crop = "look_at",
 ) -> Tensor:  # fmt: skip
@@ -27,23 +27,23 @@ def nearest_counts(
     choice is the shortest vector of counts, as in `actions.expert_difference`. `sphere_diameter`
     (B,) in metres.
     """
-    counts = difference(start, goal, sphere_diameter, crop)
+    delta = pose_delta(start, goal, sphere_diameter, crop)
     several = [number for number, motions in enumerate(symmetries) if len(motions) > 1]
     if not several:
-        return counts
-    device = counts.device
+        return delta
+    device = delta.device
     motions, row = equivalents([symmetries[number] for number in several], device)
     chosen = torch.tensor(several, device=device)
     owner = chosen[row]
     goals = goal[owner] @ Pose.from_matrix(motions)
-    each = difference(start[owner], goals, sphere_diameter[owner], crop)
+    each = pose_delta(start[owner], goals, sphere_diameter[owner], crop)
     length = each.norm(dim=-1)
     least = length.new_full((len(several),), torch.inf).scatter_reduce(0, row, length, "amin")
     place = torch.arange(len(each), device=device)
     best = torch.where(length <= least[row], place, len(each))
     first = torch.full_like(chosen, len(each)).scatter_reduce(0, row, best, "amin")
-    counts[chosen] = each[first.clamp_max(len(each) - 1)]
-    return counts
+    delta[chosen] = each[first.clamp_max(len(each) - 1)]
+    return delta
 
 
 def equivalents(

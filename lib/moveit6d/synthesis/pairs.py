@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from ..actions import PoseAction, difference
+from ..actions import PoseAction, pose_delta
 from ..geometry.crop import PATCH_SIZE, Crop, crop_patches, view_of
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
@@ -26,9 +26,9 @@ from ..observation import Observation
 from ..rendering.renderer import GBuffer
 from ..rendering.shading import shade_plain
 from .augment import AugmentConfig, Dice
-from .clusters import ClusterConfig, draw_counts
+from .clusters import ClusterConfig, draw_delta
 from .composing import Composer
-from .equivalents import nearest_counts
+from .equivalents import nearest_delta
 from .hands import HandConfig, HandSource, MadeHands
 from .lighting import LightConfig
 from .object_set import MeshObjects, ObjectSet
@@ -78,7 +78,7 @@ class TrainingBatch:
     """
 
     observation: Observation
-    counts: Tensor
+    delta: Tensor
     true_depth: Tensor
     true_mask: Tensor
     visible: Tensor
@@ -130,10 +130,10 @@ class PairGenerator:
     def batch(self, size: int, cluster: str | None = None) -> TrainingBatch:
         """`size` new pairs, of one named cluster if given."""
         index = self.objects.draw(self.random, size)
-        counts = draw_counts(self.random, self.config.clusters, size, cluster)
-        return self.compose(index, torch.from_numpy(self._turned(counts)))
+        delta = draw_delta(self.random, self.config.clusters, size, cluster)
+        return self.compose(index, torch.from_numpy(self._turned(delta)))
 
-    def compose(self, index: Tensor, counts: Tensor) -> TrainingBatch:
+    def compose(self, index: Tensor, delta: Tensor) -> TrainingBatch:
         """Pairs of the given objects (B,) whose truth lies `counts` (B, 6) away from the start."""
         batch, crop, device = len(index), self.config.crop, self.device
         zoom = self._zoom(batch).to(device)
@@ -143,9 +143,9 @@ class PairGenerator:
         rotation = random_rotations(batch, self.generator)
         direction = self._directions(batch).to(device)
         start = Pose(rotation, _place(direction, distance * diameter))
-        truth = PoseAction.of(counts.to(device)).apply(start, diameter, crop)
+        truth = PoseAction.of(delta.to(device)).apply(start, diameter, crop)
         symmetries = self._symmetries(index)
-        counts = nearest_counts(symmetries, start, truth, diameter, crop)
+        delta = nearest_delta(symmetries, start, truth, diameter, crop)
         intrinsics = view_of(start, diameter, crop).intrinsics
         rendered = self.objects.render(index, start, intrinsics)
         observed, present = self._observed(index, truth, intrinsics, diameter)
@@ -157,9 +157,9 @@ class PairGenerator:
         observation = Observation(picture, rendering, relative, rendered.mask, distance.float())
         shown = present[:, None, None, None]
         pairs = TrainingBatch(
-            observation, counts.float(), true_depth, observed.mask * shown,
+            observation, delta.float(), true_depth, observed.mask * shown,
             observed.mask * clear * shown, clear, index, zoom, rotation, direction.float(),
-            present, present * self._within(counts).float(),
+            present, present * self._within(delta).float(),
         )  # fmt: skip
         if not self.config.views.share:
             return pairs
@@ -177,7 +177,7 @@ class PairGenerator:
         depth = batch.observation.distance.double() * diameter
         start = Pose(batch.rotation, _place(batch.direction.double(), depth))
         crop = self.config.crop
-        truth = PoseAction.of(batch.counts.double()).apply(start, diameter, crop)
+        truth = PoseAction.of(batch.delta.double()).apply(start, diameter, crop)
         moves = self._sensible(moves.double(), start, truth, diameter, batch.near)
         moved = PoseAction.of(moves).apply(start, diameter, crop)
         old, view = (view_of(pose, diameter, crop) for pose in (start, moved))
@@ -194,30 +194,30 @@ class PairGenerator:
         observation = Observation(
             layers[:, :3], self._rendering(rendered), relative, rendered.mask, distance.float()
         )
-        counts = nearest_counts(self._symmetries(batch.mesh), here, goal, diameter, crop)
+        delta = nearest_delta(self._symmetries(batch.mesh), here, goal, diameter, crop)
         shown = batch.present[:, None, None, None]
         return TrainingBatch(
-            observation, counts.float(), true_depth, observed.mask * shown,
+            observation, delta.float(), true_depth, observed.mask * shown,
             observed.mask * clear * shown, clear, batch.mesh, batch.zoom, here.rotation,
             (here.translation[:, :2] / here.translation[:, 2:]).float(),
-            batch.present, batch.present * self._within(counts).float(),
+            batch.present, batch.present * self._within(delta).float(),
         )  # fmt: skip
 
     def _symmetries(self, index: Tensor) -> Sequence[NDArray[np.float64]]:
         return [self.objects.symmetries(number) for number in index.tolist()]
 
-    def _turned(self, counts: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _turned(self, delta: NDArray[np.float64]) -> NDArray[np.float64]:
         """The counts with a far turn instead of theirs in a share of the pairs."""
         if not self.config.turned:
-            return counts
-        number = len(counts)
+            return delta
+        number = len(delta)
         axis = self.random.normal(size=(number, 3))
         axis /= np.linalg.norm(axis, axis=1, keepdims=True)
         turn = axis * self.random.uniform(*self.config.turned_by, (number, 1))
         chosen = self.random.random((number, 1)) < self.config.turned
-        counts = counts.copy()
-        counts[:, 3:] = np.where(chosen, turn, counts[:, 3:])
-        return counts
+        delta = delta.copy()
+        delta[:, 3:] = np.where(chosen, turn, delta[:, 3:])
+        return delta
 
     def _observed(
         self, index: Tensor, truth: Pose, intrinsics: Tensor, diameter: Tensor
@@ -256,10 +256,10 @@ class PairGenerator:
         chosen[: self.config.views.count(number)] = False  # templates are of whole objects
         return torch.from_numpy(np.where(chosen, larger, 1.0))
 
-    def _within(self, counts: Tensor) -> Tensor:
+    def _within(self, delta: Tensor) -> Tensor:
         """Which counts (B, 6) lie within `farthest`: bool (B,)."""
-        far = torch.tensor(self.config.farthest, dtype=counts.dtype, device=counts.device)
-        return (counts.abs() <= far).all(-1)
+        far = torch.tensor(self.config.farthest, dtype=delta.dtype, device=delta.device)
+        return (delta.abs() <= far).all(-1)
 
     def _sensible(
         self, moves: Tensor, start: Pose, truth: Pose, diameter: Tensor, near: Tensor
@@ -269,7 +269,7 @@ class PairGenerator:
         moves = moves.clamp(-far, far)
         crop = self.config.crop
         moved = PoseAction.of(moves).apply(start, diameter, crop)
-        left = difference(moved, truth, diameter, crop)
+        left = pose_delta(moved, truth, diameter, crop)
         keep = (self._within(left) | (near < 0.5)) & (left[:, :3].abs() <= far[:3]).all(-1)
         keep = keep & (moved.translation[:, 2] > 1.5 * diameter)
         return moves * keep[:, None]

@@ -188,7 +188,7 @@ def _packed(batch: TrainingBatch) -> dict[str, Tensor]:
         "true_mask": _bits(batch.true_mask),
         "clear": _bits(batch.clear),
         "distance": seen.distance,
-        "counts": batch.counts,
+        "counts": batch.delta,
         "mesh": batch.mesh,
         "zoom": batch.zoom,
         "rotation": batch.rotation,

@@ -27,7 +27,7 @@ class Curves:
     frames: Sequence[int]
     error: Sequence[float]
     confidence: Sequence[float]
-    steps: Sequence[float]
+    iterations: Sequence[float]
     missing: Sequence[int]
     resets: Sequence[int]
 
@@ -38,7 +38,7 @@ def curves_svg(curves: Curves, doubtful: float) -> str:
     from matplotlib.figure import Figure
 
     drawn = {
-        "ADD, % of d": curves.error, "confidence": curves.confidence, "steps": curves.steps,
+        "ADD, % of d": curves.error, "confidence": curves.confidence, "steps": curves.iterations,
     }  # fmt: skip
     drawn = {name: values for name, values in drawn.items() if not all(map(math.isnan, values))}
     if not drawn:

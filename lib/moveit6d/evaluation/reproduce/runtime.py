@@ -52,13 +52,13 @@ def outcome(
 def _frames(tracks: Sequence[Track], cycle: float) -> Table:
     """Cycles and milliseconds a frame, as tracked under the paper's protocol."""
     rows: list[tuple[Cell, ...]] = []
-    steps = np.concatenate([np.array(track.steps, float) for track in tracks])
+    iterations = np.concatenate([np.array(track.iterations, float) for track in tracks])
     times = np.concatenate([np.array(track.milliseconds, float) for track in tracks])
     for track in tracks:
-        mine = float(np.mean(track.steps))
-        rows.append((track.video.name, len(track.steps), mine, mine * cycle,
+        mine = float(np.mean(track.iterations))
+        rows.append((track.video.name, len(track.iterations), mine, mine * cycle,
                      float(np.mean(track.milliseconds))))  # fmt: skip
-    rows.append(("all frames", len(steps), float(steps.mean()), float(steps.mean()) * cycle,
+    rows.append(("all frames", len(iterations), float(iterations.mean()), float(iterations.mean()) * cycle,
                  float(times.mean())))  # fmt: skip
     rows.append(("paper (YCB-Video)", None, paper.ACTIONS_PER_FRAME, paper.MS_PER_FRAME, None))
     head = ("sequence", "frames", "cycles a frame", "ms, cycles × cycle", "ms measured")

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from .blocks import Residual
 
 
-class Narrow(nn.Module):
+class Bfloat16Convolutions(nn.Module):
     """Convolutions in bfloat16 between maps of float32.
 
     Batch normalisation must be folded in. Where torch has oneDNN's operators for it, the weights
@@ -25,13 +25,13 @@ class Narrow(nn.Module):
 
     def __init__(self, convolutions: nn.Module) -> None:
         super().__init__()
-        narrow = convolutions.to(torch.bfloat16)
-        self.convolutions = _packed(narrow) if _can_pack() else narrow
+        bfloat16 = convolutions.to(torch.bfloat16)
+        self.convolutions = _packed(bfloat16) if _can_pack() else bfloat16
 
     def forward(self, features: Tensor) -> Tensor:
         """Maps in and out as the convolutions have them, float32."""
-        narrow: Tensor = self.convolutions(features.to(torch.bfloat16))
-        return narrow.float()
+        bfloat16: Tensor = self.convolutions(features.to(torch.bfloat16))
+        return bfloat16.float()
 
 
 def _can_pack() -> bool:

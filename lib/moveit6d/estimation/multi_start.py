@@ -11,49 +11,49 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..policies import MoveMode, Policy
+from ..policies import ActionMode, Policy
 from ..rendering.renderer import Renderer
-from .hypotheses import SURE, Around, beside
-from .loop import Target, TrackingResult, out_of_sight, refine_batch
+from .track_state import HIGH_CONFIDENCE, PerturbationConfig, sample_perturbation
+from .refine import Target, TrackingResult, out_of_sight, refine_batch
 
 BATCH = 32  # starts at once: memory
 
 
 # Where else to start, around the given pose and around the one that was come to, and how often.
-GIVEN = Around(6, (15.0, 15.0, 8.0), (5.0, 20.0))
-FOUND = Around(4, (3.0, 3.0, 3.0), (2.0, 6.0), close=True)
+AROUND_START = PerturbationConfig(6, (15.0, 15.0, 8.0), (5.0, 20.0))
+AROUND_RESULT = PerturbationConfig(4, (3.0, 3.0, 3.0), (2.0, 6.0), fine=True)
 ROUNDS = 2
 
 
-def refine_or_search(
-    targets: Sequence[Target], *, policy: Policy, renderer: Renderer, max_steps: int | None = None
+def refine_multi_start(
+    targets: Sequence[Target], *, policy: Policy, renderer: Renderer, max_iterations: int | None = None
 ) -> list[TrackingResult]:
     """`refine_batch` for single images, and a search for every target whose end is in doubt."""
-    results = refine_batch(targets, policy=policy, renderer=renderer, max_steps=max_steps)
-    if not searches(policy):
+    results = refine_batch(targets, policy=policy, renderer=renderer, max_iterations=max_iterations)
+    if not supports_multi_start(policy):
         return results
     random = [np.random.default_rng(0) for _ in targets]
     for _ in range(ROUNDS):
         others = [
-            _others(*one) if one[1].confidence < SURE else []
+            _others(*one) if one[1].confidence < HIGH_CONFIDENCE else []
             for one in zip(targets, results, random, strict=True)
         ]
-        results = surest(results, others, policy=policy, renderer=renderer, max_steps=max_steps)
+        results = most_confident(results, others, policy=policy, renderer=renderer, max_iterations=max_iterations)
     return results
 
 
-def searches(policy: Policy) -> bool:
+def supports_multi_start(policy: Policy) -> bool:
     """Whether a policy looks around at all; one of single actions, the paper's, does not."""
-    return policy.mode is not MoveMode.SINGLE
+    return policy.mode is not ActionMode.SINGLE
 
 
-def surest(
+def most_confident(
     results: Sequence[TrackingResult],
     others: Sequence[Sequence[Target]],
     *,
     policy: Policy,
     renderer: Renderer,
-    max_steps: int | None = None,
+    max_iterations: int | None = None,
 ) -> list[TrackingResult]:
     """Each result, or where one of its other starts ends if the policy believes that more.
 
@@ -64,7 +64,7 @@ def surest(
     starts = [(i, target) for i, some in enumerate(others) for target in some]
     for first in range(0, len(starts), BATCH):
         owners, targets = zip(*starts[first : first + BATCH], strict=True)
-        ends = refine_batch(targets, policy=policy, renderer=renderer, max_steps=max_steps)
+        ends = refine_batch(targets, policy=policy, renderer=renderer, max_iterations=max_iterations)
         for i, end in zip(owners, ends, strict=True):
             if end.pose is not None and end.confidence > found[i].confidence:
                 found[i] = end
@@ -77,16 +77,16 @@ def surest(
 
 def _others(target: Target, result: TrackingResult, random: np.random.Generator) -> list[Target]:
     """Other starts for a target in a single image."""
-    others = list(places(target, GIVEN, random))
+    others = list(perturbed_targets(target, AROUND_START, random))
     if result.pose is not None:
-        others += places(replace(target, pose=result.pose), FOUND, random)
+        others += perturbed_targets(replace(target, pose=result.pose), AROUND_RESULT, random)
     return others
 
 
-def places(target: Target, around: Around, random: np.random.Generator) -> Iterator[Target]:
+def perturbed_targets(target: Target, config: PerturbationConfig, random: np.random.Generator) -> Iterator[Target]:
     """The target from places around its pose, as far as the camera can see the object there."""
     mesh = target.mesh
-    for _ in range(around.count):
-        pose = beside(mesh, target.pose, random, around)
+    for _ in range(config.count):
+        pose = sample_perturbation(mesh, target.pose, random, config)
         if out_of_sight(mesh.inner(pose).translation, mesh.sphere_diameter, target.camera) is None:
-            yield replace(target, pose=pose, close=around.close)
+            yield replace(target, pose=pose, fine=config.close)

@@ -12,34 +12,34 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..actions import PoseAction, difference
+from ..actions import PoseAction, pose_delta
 from ..geometry.equivalent import nearest_equivalent
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3, log_so3
-from ..regions import Colours
+from ..contour import ColourHistograms
 
 # Confidence under which a pose is not believed.
-DOUBTFUL = 0.5
+LOW_CONFIDENCE = 0.5
 # Confidence from which a motion is continued, a pose is gone back to, and a single image's is kept.
 # Between the two an object is half covered or smeared, and what seems to be its motion runs away
 # with the track.
-SURE = 0.65
+HIGH_CONFIDENCE = 0.65
 # Counts on every axis that an object, surely seen, may have moved by for the next frame to look
 # closely at once (`loop.ZOOM`).
-STEADY = 6.0
+SLOW_MOTION = 6.0
 # Two starts within so many counts on every axis lead to the same place: one of them is enough.
-SAME = 3.0
+DUPLICATE = 3.0
 # Part of the colours that each frame replaces (SRT3D's learning rates).
-LEARNING = 0.2
+HISTOGRAM_RATE = 0.2
 # Part of the motion that each sure frame replaces, and part of it that an unseen object is taken to
 # keep from frame to frame.
-MOTION_LEARNING = 0.5
-PERSISTENCE = 0.93
+VELOCITY_RATE = 0.5
+VELOCITY_DECAY = 0.93
 
 
 @dataclass(frozen=True)
-class Around:
+class PerturbationConfig:
     """Places at random around a pose: how many, how far away, and whether to look closely at once.
 
     `shift` are the most counts aside, up or down, nearer or farther; `turn` the degrees from, to.
@@ -48,11 +48,11 @@ class Around:
     count: int
     shift: tuple[float, float, float]
     turn: tuple[float, float]
-    close: bool = False
+    fine: bool = False
 
 
 @dataclass
-class Track:
+class TrackState:
     """What a tracker remembers of one object; poses are the mesh file's, float64.
 
     `pose` is the last one found, `velocity` (2, 3) its last turn (radians) and shift (metres) from
@@ -65,43 +65,43 @@ class Track:
 
     mesh: Mesh
     pose: Pose
-    trusted: Pose
+    last_confident_pose: Pose
     velocity: Tensor | None = None
-    motion: Tensor | None = None
-    unsure: int = 0
-    believed: bool = True
-    sure: bool = True
-    steady: bool = False
-    colours: Colours | None = None
+    mean_velocity: Tensor | None = None
+    frames_unconfident: int = 0
+    above_low: bool = True
+    above_high: bool = True
+    slow: bool = False
+    histograms: ColourHistograms | None = None
     depth_bias: float = 0.0
     random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     @staticmethod
-    def begin(mesh: Mesh, pose: Pose) -> Track:
+    def begin(mesh: Mesh, pose: Pose) -> TrackState:
         """A track that starts at a pose which is taken to be right."""
-        return Track(mesh, pose, pose)
+        return TrackState(mesh, pose, pose)
 
     def starts(self) -> list[Pose]:
         """Poses to start the next frame from, each far from the others; the last pose first."""
         found = [self.pose]
         others = [] if self.velocity is None else [self._ahead(self.pose, self.velocity)]
-        if not self.believed:
-            others.append(self.trusted)
+        if not self.above_low:
+            others.append(self.last_confident_pose)
         for pose in others:
             if all(_apart(self.mesh, pose, other) for other in found):
                 found.append(pose)
         return found
 
-    def likely(self) -> tuple[Pose, Pose, Pose]:
+    def recovery_poses(self) -> tuple[Pose, Pose, Pose]:
         """Where an object in doubt may be: where it was last, where it was sure, and ahead of that.
 
         On its way from there it is taken to slow down, so that the way has an end.
         """
-        ahead = self.trusted
-        if self.motion is not None:
-            frames = (1 - PERSISTENCE ** (self.unsure + 1)) / (1 - PERSISTENCE)
-            ahead = self._ahead(self.trusted, frames * self.motion)
-        return self.pose, self.trusted, ahead
+        ahead = self.last_confident_pose
+        if self.mean_velocity is not None:
+            frames = (1 - VELOCITY_DECAY ** (self.frames_unconfident + 1)) / (1 - VELOCITY_DECAY)
+            ahead = self._ahead(self.last_confident_pose, frames * self.mean_velocity)
+        return self.pose, self.last_confident_pose, ahead
 
     def add(self, pose: Pose, confidence: float) -> None:
         """Go on from the pose of the frame that came.
@@ -110,57 +110,57 @@ class Track:
         """
         pose = nearest_equivalent(pose, self.pose, self.mesh.symmetries)
         before, after = self.mesh.inner(self.pose), self.mesh.inner(pose)
-        was_sure = self.sure
-        self.believed, self.sure = confidence >= DOUBTFUL, confidence >= SURE
-        self.steady = self.sure and not _apart(self.mesh, self.pose, pose, STEADY)
+        was_above_high = self.above_high
+        self.above_low, self.above_high = confidence >= LOW_CONFIDENCE, confidence >= HIGH_CONFIDENCE
+        self.slow = self.above_high and not _apart(self.mesh, self.pose, pose, SLOW_MOTION)
         self.velocity = None
-        if was_sure and self.sure:
+        if was_above_high and self.above_high:
             turn = log_so3(after.rotation @ before.rotation.mT)
             self.velocity = torch.stack([turn, after.translation - before.translation])
         self.pose = pose
-        self.unsure += 1
-        if self.sure:
-            self.trusted, self.unsure = pose, 0
-            self._learn_motion()
+        self.frames_unconfident += 1
+        if self.above_high:
+            self.last_confident_pose, self.frames_unconfident = pose, 0
+            self._update_mean_velocity()
 
-    def learn(self, colours: Colours | None) -> None:
+    def update_histograms(self, histograms: ColourHistograms | None) -> None:
         """Remember the colours of a frame, if there are any and its pose was believed."""
-        if colours is not None and self.believed:
-            known = self.colours
-            self.colours = colours if known is None else known.blend(colours, LEARNING)
+        if histograms is not None and self.above_low:
+            known = self.histograms
+            self.histograms = histograms if known is None else known.blend(histograms, HISTOGRAM_RATE)
 
     def miss(self) -> None:
         """A frame without a pose: stay where the object was."""
-        self.believed, self.sure, self.steady, self.velocity = False, False, False, None
-        self.unsure += 1
+        self.above_low, self.above_high, self.slow, self.velocity = False, False, False, None
+        self.frames_unconfident += 1
 
-    def _learn_motion(self) -> None:
+    def _update_mean_velocity(self) -> None:
         """The mean of the last velocities; none after a gap, in which it may have changed."""
-        known, self.motion = self.motion, self.velocity
+        known, self.mean_velocity = self.mean_velocity, self.velocity
         if known is not None and self.velocity is not None:
-            self.motion = torch.lerp(known, self.velocity, MOTION_LEARNING)
+            self.mean_velocity = torch.lerp(known, self.velocity, VELOCITY_RATE)
 
-    def _ahead(self, pose: Pose, motion: Tensor) -> Pose:
+    def _ahead(self, pose: Pose, mean_velocity: Tensor) -> Pose:
         """A pose after a motion (2, 3), a turn and a shift."""
         here = self.mesh.inner(pose)
-        ahead = Pose(exp_so3(motion[0]) @ here.rotation, here.translation + motion[1])
+        ahead = Pose(exp_so3(mean_velocity[0]) @ here.rotation, here.translation + mean_velocity[1])
         return self.mesh.outer(ahead)
 
 
-def _apart(mesh: Mesh, one: Pose, other: Pose, counts: float = SAME) -> bool:
+def _apart(mesh: Mesh, one: Pose, other: Pose, delta: float = DUPLICATE) -> bool:
     """Whether two poses differ by more than so many counts on some axis."""
     a, b = mesh.inner(one), mesh.inner(other)
     if float(a.translation[2]) <= 0 or float(b.translation[2]) <= 0:
         return True
     diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
-    return bool(difference(a, b, diameter).abs().max() > counts)
+    return bool(pose_delta(a, b, diameter).abs().max() > delta)
 
 
-def beside(mesh: Mesh, pose: Pose, random: np.random.Generator, around: Around) -> Pose:
+def sample_perturbation(mesh: Mesh, pose: Pose, random: np.random.Generator, config: PerturbationConfig) -> Pose:
     """A pose at random around another one; both in the mesh file's frame."""
     axis = random.normal(size=3)
-    axis *= random.uniform(*around.turn) / np.linalg.norm(axis)
-    counts = torch.from_numpy(np.concatenate([random.uniform(-1, 1, 3) * around.shift, axis]))
+    axis *= random.uniform(*config.turn) / np.linalg.norm(axis)
+    delta = torch.from_numpy(np.concatenate([random.uniform(-1, 1, 3) * config.shift, axis]))
     diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
     centred = mesh.inner(pose.to(torch.float64))
-    return mesh.outer(PoseAction.of(counts).apply(centred, diameter))
+    return mesh.outer(PoseAction.of(delta).apply(centred, diameter))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from moveit6d.regions.colours import BAND, BINS, BLUR, Colours, colour_bins, learn_colours
+from moveit6d.contour.histograms import BAND, BINS, BLUR, ColourHistograms, colour_bins, estimate_histograms
 
 SEEN = np.ones((64, 64), bool)
 
@@ -17,7 +17,7 @@ def square(low: int = 20, high: int = 44) -> np.ndarray:
 def test_densities_are_those_of_a_plain_loop() -> None:
     patch = np.random.default_rng(0).integers(0, 256, (64, 64, 3)).astype(np.uint8)
     mask = square()
-    learnt = learn_colours(patch, mask, SEEN)
+    learnt = estimate_histograms(patch, mask, SEEN)
     assert learnt is not None
     expected = np.zeros((BINS, BINS, BINS))
     line = np.arange(BINS)
@@ -33,8 +33,8 @@ def test_densities_are_those_of_a_plain_loop() -> None:
 
 
 def test_a_bin_is_eight_levels_of_each_channel() -> None:
-    colours = np.array([[0, 0, 0], [7, 0, 8], [255, 255, 255], [0, 16, 0]], np.uint8)
-    assert colour_bins(colours).tolist() == [0, 1, BINS**3 - 1, 2 * BINS]
+    histograms = np.array([[0, 0, 0], [7, 0, 8], [255, 255, 255], [0, 16, 0]], np.uint8)
+    assert colour_bins(histograms).tolist() == [0, 1, BINS**3 - 1, 2 * BINS]
 
 
 def test_only_the_bands_along_the_outline_are_learnt() -> None:
@@ -43,7 +43,7 @@ def test_only_the_bands_along_the_outline_are_learnt() -> None:
     mask[:, 32:] = True
     patch[:, 32:] = 40
     patch[:, : 32 - BAND - 2] = (250, 10, 10)  # too far out
-    learnt = learn_colours(patch, mask, SEEN)
+    learnt = estimate_histograms(patch, mask, SEEN)
     assert learnt is not None
     far = colour_bins(np.array([250, 10, 10], np.uint8))
     assert learnt.outside[far] == 0
@@ -53,7 +53,7 @@ def test_log_odds_tell_the_object_from_its_surroundings() -> None:
     patch = np.full((64, 64, 3), 200, np.uint8)
     mask = square()
     patch[mask] = 40
-    learnt = learn_colours(patch, mask, SEEN)
+    learnt = estimate_histograms(patch, mask, SEEN)
     assert learnt is not None
     unseen = SEEN.copy()
     unseen[:5] = False
@@ -66,14 +66,14 @@ def test_log_odds_tell_the_object_from_its_surroundings() -> None:
 
 def test_nothing_is_learnt_where_there_is_too_little_to_see() -> None:
     patch = np.zeros((64, 64, 3), np.uint8)
-    assert learn_colours(patch, np.zeros((64, 64), bool), SEEN) is None
-    assert learn_colours(patch, np.ones((64, 64), bool), SEEN) is None
-    assert learn_colours(patch, square(), ~SEEN) is None
+    assert estimate_histograms(patch, np.zeros((64, 64), bool), SEEN) is None
+    assert estimate_histograms(patch, np.ones((64, 64), bool), SEEN) is None
+    assert estimate_histograms(patch, square(), ~SEEN) is None
 
 
 def test_blending_forgets_a_part() -> None:
     one, other = np.zeros(BINS**3, np.float32), np.zeros(BINS**3, np.float32)
     one[3] = other[7] = 1
-    mixed = Colours(one, other).blend(Colours(other, one), 0.25)
+    mixed = ColourHistograms(one, other).blend(ColourHistograms(other, one), 0.25)
     assert mixed.inside[[3, 7]].tolist() == [0.75, 0.25]
     assert mixed.outside[[3, 7]].tolist() == [0.25, 0.75]

@@ -8,15 +8,15 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
-from ..regions import Colours, polish
+from ..contour import ColourHistograms, refine_contour
 from ..rendering.renderer import Renderer
 from .frame import prepare_frame
-from .loop import Target, TrackingResult
+from .refine import Target, TrackingResult
 
 
-def last_word(
-    target: Target, result: TrackingResult, renderer: Renderer, colours: Colours | None = None
-) -> tuple[TrackingResult, Colours | None]:
+def contour_stage(
+    target: Target, result: TrackingResult, renderer: Renderer, histograms: ColourHistograms | None = None
+) -> tuple[TrackingResult, ColourHistograms | None]:
     """The result for a target with its pose polished, and the colours of the image there.
 
     `colours` are those of frames before; without them the image's own must do. A failed result
@@ -27,7 +27,7 @@ def last_word(
     begin = time.perf_counter()
     frame = prepare_frame(target.image, target.camera)
     given = target.mesh.inner(result.pose)
-    found = polish(frame.pixels, frame.camera.matrix(), target.mesh, given, renderer, colours)
+    found = refine_contour(frame.pixels, frame.camera.matrix(), target.mesh, given, renderer, histograms)
     spent = (time.perf_counter() - begin) * 1e3
     pose, milliseconds = target.mesh.outer(found.pose), result.milliseconds + spent
-    return replace(result, pose=pose, milliseconds=milliseconds), found.colours
+    return replace(result, pose=pose, milliseconds=milliseconds), found.histograms

@@ -1,6 +1,6 @@
 """Which poses fit the pictures better, those of a BOP result file or the true ones?
 
-    .venv/bin/python tools/outline_contrast.py DATASET SPLIT RESULTS.csv
+    .venv/bin/python tools/contour_contrast.py DATASET SPLIT RESULTS.csv
 
 The contrast of a pose is how steeply the picture's colours change across its rendered outline, a
 mean over the outline, in thousandths of full scale a patch pixel. It says how good true poses are:
@@ -25,7 +25,7 @@ from moveit6d.evaluation.tables import markdown, percent
 from moveit6d.geometry.crop import View, crop_patch, look_at
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.regions.outline import find_outline
+from moveit6d.contour.extraction import find_contour
 from moveit6d.rendering.renderer import Renderer, make_renderer
 
 BLUR = 1.0  # patch pixels
@@ -38,14 +38,14 @@ def contrast(frame: Frame, mesh: Mesh, pose: Pose, view: View, renderer: Rendere
     patch = cv2.GaussianBlur(patch, (0, 0), BLUR)
     virtual = view.to_virtual(mesh.inner(pose.to(torch.float64)))
     seen = renderer.render([mesh], Pose.stack([virtual]), view.intrinsics[None])
-    outline = find_outline(seen.mask[0, 0].numpy() > 0.5, POINTS)
-    if outline is None:
+    contour = find_contour(seen.mask[0, 0].numpy() > 0.5, POINTS)
+    if contour is None:
         return float("nan")
     along = [cv2.Sobel(patch, cv2.CV_32F, *axis, ksize=1) / 2 for axis in ((1, 0), (0, 1))]
-    places = outline.points.astype(np.float32).reshape(-1, 1, 2)
+    places = contour.points.astype(np.float32).reshape(-1, 1, 2)
     slope = [cv2.remap(side, places, None, cv2.INTER_LINEAR)[:, 0] for side in along]
-    steep = slope[0] * outline.normals[:, :1] + slope[1] * outline.normals[:, 1:]
-    return float(np.average(np.linalg.norm(steep, axis=1), weights=outline.lengths))
+    steep = slope[0] * contour.normals[:, :1] + slope[1] * contour.normals[:, 1:]
+    return float(np.average(np.linalg.norm(steep, axis=1), weights=contour.lengths))
 
 
 def main(root: Path, split: str, results: Path) -> None:

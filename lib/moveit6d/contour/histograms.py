@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 Float = NDArray[np.float32]
-Picture = NDArray[np.uint8]
+Image8 = NDArray[np.uint8]
 
 BINS = 32  # a channel
 BLUR = 1.0  # bins: colours that nobody has seen yet lie beside colours that were
@@ -24,20 +24,20 @@ SUREST = 0.02  # what a single pixel may be wrong with at least
 
 
 @dataclass(frozen=True)
-class Colours:
+class ColourHistograms:
     """Densities (BINS³,) of colours on the object and beside it; each sums to 1."""
 
     inside: Float
     outside: Float
 
-    def blend(self, new: Colours, rate: float) -> Colours:
+    def blend(self, new: ColourHistograms, rate: float) -> ColourHistograms:
         """These colours, a part `rate` of them forgotten for the new ones."""
-        return Colours(
+        return ColourHistograms(
             self.inside + np.float32(rate) * (new.inside - self.inside),
             self.outside + np.float32(rate) * (new.outside - self.outside),
         )
 
-    def log_odds(self, patch: Picture, seen: NDArray[np.bool_]) -> Float:
+    def log_odds(self, patch: Image8, seen: NDArray[np.bool_]) -> Float:
         """Logarithm of how much likelier each pixel (H, W, 3) is the object's: (H, W).
 
         Both are as likely before its colour is known. 0 where nothing is `seen` (H, W).
@@ -49,9 +49,9 @@ class Colours:
         return odds
 
 
-def learn_colours(
-    patch: Picture, mask: NDArray[np.bool_], seen: NDArray[np.bool_]
-) -> Colours | None:
+def estimate_histograms(
+    patch: Image8, mask: NDArray[np.bool_], seen: NDArray[np.bool_]
+) -> ColourHistograms | None:
     """The colours of a patch (H, W, 3) in the bands along the outline of a mask (H, W).
 
     Only pixels that are `seen` (H, W) count; None if there are too few on either side.
@@ -66,10 +66,10 @@ def learn_colours(
     if min(int(band.sum()) for band in bands) < ENOUGH:
         return None
     bins = colour_bins(patch)
-    return Colours(_density(bins[bands[0]]), _density(bins[bands[1]]))
+    return ColourHistograms(_density(bins[bands[0]]), _density(bins[bands[1]]))
 
 
-def colour_bins(patch: Picture) -> NDArray[np.int32]:
+def colour_bins(patch: Image8) -> NDArray[np.int32]:
     """The bin of each pixel: (..., 3) → (...)."""
     r, g, b = np.moveaxis(patch.astype(np.int32) * BINS >> 8, -1, 0)
     bins: NDArray[np.int32] = (r * BINS + g) * BINS + b

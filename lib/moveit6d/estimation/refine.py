@@ -14,27 +14,27 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ..actions import PoseAction, difference
+from ..actions import PoseAction, pose_delta
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.crop import Crop, View, crop_patch, view_of
 from ..geometry.mesh import Mesh, sphere_diameters
 from ..geometry.pose import Pose
-from ..networks.decision import Decision
+from ..networks.policy_output import PolicyOutput
 from ..observation import Observation, observe
-from ..policies import MoveMode, Policy, Situation, choose_move
+from ..policies import ActionMode, Policy, LoopState, to_action
 from ..rendering.renderer import Renderer
 from .frame import Frame, prepare_frame
-from .precision import precision
+from .localizability import localizability
 
 # Cycles at most: the paper's limit for single steps. With all axes at once, of 160 rendered cases
 # of held-out training objects, far starts and a third covered, 74.4, 76.9 and 76.2 % end below 10 %
 # of the diameter with six, eight and eleven; from small disturbances they are the same.
-MAX_STEPS = {MoveMode.SINGLE: 30, MoveMode.ALL_AXES: 8}
+MAX_ITERATIONS = {ActionMode.SINGLE: 30, ActionMode.ALL_AXES: 8}
 # A real-valued policy that has come close looks closely: the middle of the object, so many times
 # larger, in which what is left of the error is as many times larger too.
-ZOOM = 1.6
-CLOSE = 5.0  # counts on every axis that the last move may have had to call it close
+FINE_SCALE = 1.6
+FINE_THRESHOLD = 5.0  # counts on every axis that the last move may have had to call it close
 NEAREST = 0.55  # distance in sphere diameters under which the camera would be inside the object
 
 
@@ -43,7 +43,7 @@ class StopReason(StrEnum):
 
     STOP_ACTION = "stop_action"
     REVISITED = "revisited"  # a pose of this loop came again: oscillation
-    MAX_STEPS = "max_steps"
+    MAX_ITERATIONS = "max_iterations"
     FAILED = "failed"  # no pose; the result's `error` says why
 
 
@@ -61,7 +61,7 @@ class Target:
     mesh: Mesh
     pose: Pose
     depth_bias: float = 0.0
-    close: bool = False
+    fine: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,17 +74,17 @@ class TrackingResult:
     """
 
     pose: Pose | None
-    steps: int
+    iterations: int
     stopped_by: StopReason
     confidence: float
     milliseconds: float
     error: str | None = None
-    precision: float = 0.0
+    localizability: float = 0.0
 
     @property
     def score(self) -> float:
         """How likely the pose is within a tenth of the diameter: both chances together."""
-        return self.confidence * self.precision
+        return self.confidence * self.localizability
 
 
 def refine_batch(
@@ -92,14 +92,14 @@ def refine_batch(
     *,
     policy: Policy,
     renderer: Renderer,
-    max_steps: int | None = None,
+    max_iterations: int | None = None,
     step: float = 1.0,
     groups: Sequence[int] | None = None,
 ) -> list[TrackingResult]:
     """Run the loop for all targets at once, one batch a cycle; each ends by its own stop rule.
 
-    A policy of all six axes looks closely (`ZOOM`) once it has come close, and before it stops.
-    `max_steps` is the limit of cycles, `MAX_STEPS` of the policy's mode if None; `step` is the
+    A policy of all six axes looks closely (`FINE_SCALE`) once it has come close, and before it stops.
+    `max_iterations` is the limit of cycles, `MAX_ITERATIONS` of the policy's mode if None; `step` is the
     length of single actions. `groups` numbers targets that are several starts for one object: after
     the first cycle only the most confident of each group goes on, and the results are one a group,
     in the order of the targets. Raises `InputError` if an image does not fit its camera or a start
@@ -107,7 +107,7 @@ def refine_batch(
     """
     if not targets:
         return []
-    limit = MAX_STEPS[policy.mode] if max_steps is None else max_steps
+    limit = MAX_ITERATIONS[policy.mode] if max_iterations is None else max_iterations
     found = _loops(targets, policy, renderer, limit, step, groups)
     # Tensors made in inference mode are no use for anybody who wants gradients of a pose.
     return [
@@ -124,38 +124,38 @@ def _loops(
 ) -> list[TrackingResult]:  # fmt: skip
     """`refine_batch`, one result for each target, or one for each group."""
     begin = time.perf_counter()
-    scene = _Scene.of(targets)
-    pose = scene.pose
-    trails = [_Trail(*one) for one in zip(scene.cameras, scene.meshes, strict=True)]
+    batch = _Batch.of(targets)
+    pose = batch.pose
+    trajectories = [_Trajectory(*one) for one in zip(batch.cameras, batch.meshes, strict=True)]
     results: list[TrackingResult | None] = [None] * len(targets)
     active = torch.arange(len(targets))
-    zooms = policy.mode is MoveMode.ALL_AXES
-    zoom = torch.tensor([ZOOM if zooms and target.close else 1.0 for target in targets])
+    coarse_to_fine = policy.mode is ActionMode.ALL_AXES
+    scale = torch.tensor([FINE_SCALE if coarse_to_fine and target.close else 1.0 for target in targets])
     objects = active if groups is None else torch.as_tensor(groups)
-    for cycle in range(1, limit + 1):
+    for iteration in range(1, limit + 1):
         if not len(active):
             break
-        closely = zoom[active] > 1
-        diameter, current = scene.diameter[active] / zoom[active], pose[active]
-        seen = scene.observe(active, current, diameter, renderer, policy.crop)
-        decision = policy.decide(seen, Situation(current, diameter, objects[active]))
-        decision = _corrected(decision, scene.depth_bias[active] * closely)
-        action = choose_move(decision, policy.mode, step)
+        fine = scale[active] > 1
+        diameter, current = batch.diameter[active] / scale[active], pose[active]
+        observation = batch.observe(active, current, diameter, renderer, policy.crop)
+        prediction = policy.predict(observation, LoopState(current, diameter, objects[active]))
+        prediction = _corrected(prediction, batch.depth_bias[active] * fine)
+        action = to_action(prediction, policy.mode, step)
         moved = action.apply(current, diameter, policy.crop)
         going = []
         for row, i in enumerate(active.tolist()):
-            end = trails[i].add(moved[row], diameter[row], action, decision.confidence, row)
-            if zooms and not closely[row] and _comes_close(action, row, end, limit - cycle):
-                zoom[i], end = ZOOM, None
-                trails[i].look_closely()
-            if end is None and cycle == limit:
-                end = StopReason.MAX_STEPS
+            end = trajectories[i].add(moved[row], diameter[row], action, prediction.confidence, row)
+            if coarse_to_fine and not fine[row] and _reaches_fine_stage(action, row, end, limit - iteration):
+                scale[i], end = FINE_SCALE, None
+                trajectories[i].start_fine_stage()
+            if end is None and iteration == limit:
+                end = StopReason.MAX_ITERATIONS
             if end is None:
                 going.append(row)
                 continue
-            results[i] = trails[i].result(end, cycle, (time.perf_counter() - begin) * 1e3)
-        if cycle == 1 and groups is not None:
-            chosen = _best(groups, trails)
+            results[i] = trajectories[i].result(end, iteration, (time.perf_counter() - begin) * 1e3)
+        if iteration == 1 and groups is not None:
+            chosen = _best(groups, trajectories)
             results = [result if i in chosen else None for i, result in enumerate(results)]
             going = [row for row in going if int(active[row]) in chosen]
         pose = _replaced(pose, active, moved)
@@ -163,11 +163,11 @@ def _loops(
     return [result for result in results if result is not None]
 
 
-def _comes_close(action: PoseAction, row: int, end: StopReason | None, left: int) -> bool:
+def _reaches_fine_stage(action: PoseAction, row: int, end: StopReason | None, left: int) -> bool:
     """Whether to look closely after a move: `left` cycles are left, `end` is why it would end."""
     if end is StopReason.FAILED:
         return False
-    near = end is not None or bool(action.counts[row].abs().max() < CLOSE)
+    near = end is not None or bool(action.delta[row].abs().max() < FINE_THRESHOLD)
     return (near and left > 0) or left == 1
 
 
@@ -179,26 +179,26 @@ def _replaced(poses: Pose, index: Tensor, moved: Pose) -> Pose:
     )
 
 
-def _corrected(decision: Decision, depth_bias: Tensor) -> Decision:
+def _corrected(prediction: PolicyOutput, depth_bias: Tensor) -> PolicyOutput:
     """The decision without what is known to be wrong with its counts t_z."""
-    if decision.counts is None:
-        return decision
-    counts = decision.counts.clone()
-    counts[:, 2] -= depth_bias
-    return replace(decision, counts=counts)
+    if prediction.delta is None:
+        return prediction
+    delta = prediction.delta.clone()
+    delta[:, 2] -= depth_bias
+    return replace(prediction, delta=delta)
 
 
-def _best(groups: Sequence[int], trails: Sequence[_Trail]) -> set[int]:
+def _best(groups: Sequence[int], trajectories: Sequence[_Trajectory]) -> set[int]:
     """The target of each group whose first move the policy believes most; failures come last."""
     members: dict[int, list[int]] = {}
     for i, group in enumerate(groups):
         members.setdefault(group, []).append(i)
-    return {max(some, key=lambda i: trails[i].belief)
+    return {max(some, key=lambda i: trajectories[i].belief)
             for some in members.values()}  # fmt: skip
 
 
 @dataclass(frozen=True)
-class _Scene:
+class _Batch:
     """What stays the same during a loop, and the centred float64 poses (N) it starts from."""
 
     images: list[Tensor]
@@ -210,7 +210,7 @@ class _Scene:
     pose: Pose
 
     @staticmethod
-    def of(targets: Sequence[Target]) -> _Scene:
+    def of(targets: Sequence[Target]) -> _Batch:
         prepared: dict[tuple[int, Camera], Frame] = {}
         for target in targets:  # several objects may share an image: prepare it once
             key = (id(target.image), target.camera)
@@ -220,7 +220,7 @@ class _Scene:
         for target, frame in zip(targets, frames, strict=True):
             check_start(target.pose, target.mesh, frame.camera)
         poses = [target.mesh.inner(target.pose.to(torch.float64)) for target in targets]
-        return _Scene(
+        return _Batch(
             [frame.pixels for frame in frames],
             [frame.camera for frame in frames],
             [frame.camera.matrix() for frame in frames],
@@ -252,7 +252,7 @@ class _Scene:
         return observe(torch.stack(patches), gbuffer, view, diameter)
 
 
-class _Trail:
+class _Trajectory:
     """The poses that one target has visited, and whether the next one ends its loop."""
 
     def __init__(self, camera: Camera, mesh: Mesh) -> None:
@@ -283,11 +283,11 @@ class _Trail:
         if bool(action.stop[row]) or seen_before is None:
             self.best = len(self.poses) - 1
             return StopReason.STOP_ACTION if bool(action.stop[row]) else None
-        cycle = range(seen_before, len(self.poses))
-        self.best = max(cycle, key=lambda i: self.confidences[i])
+        iteration = range(seen_before, len(self.poses))
+        self.best = max(iteration, key=lambda i: self.confidences[i])
         return StopReason.REVISITED
 
-    def look_closely(self) -> None:
+    def start_fine_stage(self) -> None:
         """Begin anew where the trail has come to: what counts as the same pose is finer now."""
         self.poses, self.confidences, self.best = [], [], -1
 
@@ -300,19 +300,19 @@ class _Trail:
             pose.rotation.expand_as(earlier.rotation),
             pose.translation.expand_as(earlier.translation),
         )
-        counts = difference(here, earlier, diameter.expand(len(earlier)))
-        same = (counts.abs().amax(-1) < 0.5).nonzero()
+        delta = pose_delta(here, earlier, diameter.expand(len(earlier)))
+        same = (delta.abs().amax(-1) < 0.5).nonzero()
         return int(same[0, 0]) if len(same) else None
 
-    def result(self, reason: StopReason, steps: int, milliseconds: float) -> TrackingResult:
+    def result(self, reason: StopReason, iterations: int, milliseconds: float) -> TrackingResult:
         if reason is StopReason.FAILED or not self.poses:
             # What to check is for starts; a track that got here began well.
             error = f"The object is lost: {self.error.split(';')[0]}."
-            return TrackingResult(None, steps, StopReason.FAILED, 0.0, milliseconds, error)
+            return TrackingResult(None, iterations, StopReason.FAILED, 0.0, milliseconds, error)
         pose = self.mesh.outer(self.poses[self.best])
         confidence = self.confidences[self.best]
-        certain = precision(pose, self.mesh, self.camera)
-        return TrackingResult(pose, steps, reason, confidence, milliseconds, precision=certain)
+        certain = localizability(pose, self.mesh, self.camera)
+        return TrackingResult(pose, iterations, reason, confidence, milliseconds, localizability=certain)
 
 
 def check_start(pose: Pose, mesh: Mesh, camera: Camera) -> None:

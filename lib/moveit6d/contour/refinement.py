@@ -17,9 +17,9 @@ from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE, View, crop_patch, look_at, 
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..rendering.renderer import Renderer
-from .colours import Colours, Float, Picture, learn_colours
-from .lines import REACH, displacements
-from .outline import Numbers, Outline, find_outline
+from .histograms import ColourHistograms, Float, Image8, estimate_histograms
+from .correspondence_lines import REACH, contour_distances
+from .extraction import Float64, Contour, find_contour
 
 # All numbers were chosen on made sequences of training objects that were held out.
 SCALES = ((2, 2), (1, 1))  # pixels a segment of the lines; one rendering for each pair
@@ -34,7 +34,7 @@ TOO_FAR = 8.0  # counts in all, after which the given pose is kept
 
 
 @dataclass(frozen=True)
-class Polished:
+class ContourRefinement:
     """A pose after the refinement, and what the image teaches there.
 
     `pose` is unbatched, centred and float64; `agreement` in [0, 1] is the share of the outline
@@ -44,7 +44,7 @@ class Polished:
 
     pose: Pose
     agreement: float
-    colours: Colours | None
+    histograms: ColourHistograms | None
 
 
 @dataclass(frozen=True)
@@ -55,18 +55,18 @@ class _Place:
     longer on a dozen numbers than all the rest takes.
     """
 
-    rotation: Numbers  # (3, 3)
-    centre: Numbers  # (3,)
-    moved: Numbers  # (6,)
+    rotation: Float64  # (3, 3)
+    centre: Float64  # (3,)
+    moved: Float64  # (6,)
 
-    def step(self, counts: Numbers, focal: float) -> _Place:
+    def step(self, delta: Float64, focal: float) -> _Place:
         """The place after a move by counts (6,), as `PoseAction.apply` has it."""
         import cv2
 
-        turn = cv2.Rodrigues(np.deg2rad(counts[3:]))[0]
-        aside = np.append(counts[:2] * self.centre[2] / focal, 0.0)
-        centre = (self.centre + aside) * OBJECT_SIZE / (OBJECT_SIZE + counts[2])
-        return _Place(turn @ self.rotation, centre, self.moved + counts)
+        turn = cv2.Rodrigues(np.deg2rad(delta[3:]))[0]
+        aside = np.append(delta[:2] * self.centre[2] / focal, 0.0)
+        centre = (self.centre + aside) * OBJECT_SIZE / (OBJECT_SIZE + delta[2])
+        return _Place(turn @ self.rotation, centre, self.moved + delta)
 
     def pose(self) -> Pose:
         """The pose in the virtual camera's frame."""
@@ -80,7 +80,7 @@ class _Sight:
     mesh: Mesh
     renderer: Renderer
     view: View
-    patch: Picture  # (H, W, 3)
+    patch: Image8  # (H, W, 3)
     seen: NDArray[np.bool_]  # (H, W), False outside of the image
 
     def place(self, pose: Pose) -> _Place:
@@ -99,10 +99,10 @@ class _Sight:
         return buffer.mask[0, 0].numpy() > 0, buffer.depth[0, 0].numpy()
 
 
-def polish(
+def refine_contour(
     image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: Renderer,
-    colours: Colours | None = None,
-) -> Polished:  # fmt: skip
+    histograms: ColourHistograms | None = None,
+) -> ContourRefinement:  # fmt: skip
     """Fit the outline of a mesh near a centred pose to an image (3, H, W).
 
     `colours` are what the object and its surroundings looked like before; without them those of
@@ -111,34 +111,34 @@ def polish(
     sight = _look(image, intrinsics, mesh, pose, renderer)
     place = sight.place(pose)
     mask, depth = sight.render(place)
-    known = colours or learn_colours(sight.patch, mask, sight.seen)
+    known = histograms or estimate_histograms(sight.patch, mask, sight.seen)
     if known is None:
-        return Polished(pose, 0.0, None)
+        return ContourRefinement(pose, 0.0, None)
     odds, agreement = known.log_odds(sight.patch, sight.seen), 0.0
     for turn, scales in enumerate(SCALES):
         if turn:
             mask, depth = sight.render(place)
-        outline = find_outline(mask, POINTS)
-        if outline is None or len(outline.points) < FEWEST:
-            return Polished(pose, 0.0, None)
+        contour = find_contour(mask, POINTS)
+        if contour is None or len(contour.points) < FEWEST:
+            return ContourRefinement(pose, 0.0, None)
         place, agreement = _fit(
-            odds, outline, depth, place, float(sight.view.intrinsics[0, 0]), scales
+            odds, contour, depth, place, float(sight.view.intrinsics[0, 0]), scales
         )
     if not np.abs(place.moved).max() <= TOO_FAR:  # nor numbers that are not finite
-        return Polished(pose, 0.0, None)
+        return ContourRefinement(pose, 0.0, None)
     found = sight.view.to_real(place.pose())
-    return Polished(found, agreement, learn_colours(sight.patch, mask, sight.seen))
+    return ContourRefinement(found, agreement, estimate_histograms(sight.patch, mask, sight.seen))
 
 
-def colours_at(
+def histograms_at(
     image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: Renderer
-) -> Colours | None:
+) -> ColourHistograms | None:
     """The colours that an image (3, H, W) shows of a mesh at a centred pose, and beside it.
 
     None if there is too little to see.
     """
     sight = _look(image, intrinsics, mesh, pose, renderer)
-    return learn_colours(sight.patch, sight.render(sight.place(pose))[0], sight.seen)
+    return estimate_histograms(sight.patch, sight.render(sight.place(pose))[0], sight.seen)
 
 
 def _look(image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: Renderer) -> _Sight:
@@ -152,7 +152,7 @@ def _look(image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: R
     )  # fmt: skip
 
 
-def _seen(back: Numbers, height: int, width: int) -> NDArray[np.bool_]:
+def _seen(back: Float64, height: int, width: int) -> NDArray[np.bool_]:
     """Which pixels of the patch (H, W) lie in the image, to which `back` (3, 3) takes them."""
     line = np.arange(PATCH_SIZE)
     rows = back[:, 1, None] * line + back[:, 2, None]
@@ -164,29 +164,29 @@ def _seen(back: Numbers, height: int, width: int) -> NDArray[np.bool_]:
 
 
 def _fit(
-    odds: Float, outline: Outline, depth: Float, place: _Place, focal: float,
+    odds: Float, contour: Contour, depth: Float, place: _Place, focal: float,
     scales: tuple[int, ...],
 ) -> tuple[_Place, float]:  # fmt: skip
     """The place after one step a scale, with the outline of one rendering; and the agreement."""
     middle = (PATCH_SIZE - 1) / 2
-    z = depth[tuple(outline.inside.T)].astype(np.float64)
-    points = np.column_stack([(outline.points - middle) / focal * z[:, None], z])
+    z = depth[tuple(contour.inside.T)].astype(np.float64)
+    points = np.column_stack([(contour.points - middle) / focal * z[:, None], z])
     on_object = (points - place.centre) @ place.rotation
     agreement = 0.0
     for scale in scales:
         points = on_object @ place.rotation.T + place.centre
         pixels = points[:, :2] / points[:, 2:] * focal + middle
-        mean, variance = displacements(odds, pixels, outline.normals, scale)
-        slope = (jacobian(points, place.centre, focal) * outline.normals[:, :, None]).sum(1)
-        weight = outline.lengths * POINTS / len(mean) / (ALIKE * variance)
+        mean, variance = contour_distances(odds, pixels, contour.normals, scale)
+        slope = (jacobian(points, place.centre, focal) * contour.normals[:, :, None]).sum(1)
+        weight = contour.lengths * POINTS / len(mean) / (ALIKE * variance)
         weight /= 1 + (mean / FAR) ** 2
         place = place.step(_solve(slope, weight, mean, place.moved), focal)
         sharp = variance < (REACH * scale) ** 2 / 6  # half of what it is if all are as likely
-        agreement = float(np.average(sharp & (np.abs(mean) < 1.5), weights=outline.lengths))
+        agreement = float(np.average(sharp & (np.abs(mean) < 1.5), weights=contour.lengths))
     return place, agreement
 
 
-def _solve(slope: Numbers, weight: Numbers, mean: Numbers, moved: Numbers) -> Numbers:
+def _solve(slope: Float64, weight: Float64, mean: Float64, moved: Float64) -> Float64:
     """Counts (6,) that fit displacements (N,) and stay near the given pose, `moved` (6,) away.
 
     `slope` (N, 6) is how the displacements change with the counts.
@@ -198,7 +198,7 @@ def _solve(slope: Numbers, weight: Numbers, mean: Numbers, moved: Numbers) -> Nu
     return np.asarray(step.clip(-LIMIT, LIMIT))
 
 
-def jacobian(points: Numbers, centre: Numbers, focal: float) -> Numbers:
+def jacobian(points: Float64, centre: Float64, focal: float) -> Float64:
     """Derivative of the pixels of points (N, 3) by the six counts: (N, 2, 6).
 
     Points and the object's centre (3,) are in the virtual camera's frame, metres.
@@ -211,5 +211,5 @@ def jacobian(points: Numbers, centre: Numbers, focal: float) -> Numbers:
     moves[:, 0, 4], moves[:, 2, 4] = z, -x
     moves[:, 0, 5], moves[:, 1, 5] = -y, x
     depth = points[:, 2, None, None]
-    pixels: Numbers = (moves[:, :2] - points[:, :2, None] / depth * moves[:, 2:]) * focal / depth
+    pixels: Float64 = (moves[:, :2] - points[:, :2, None] / depth * moves[:, 2:]) * focal / depth
     return pixels

@@ -4,7 +4,7 @@ What region-based trackers do (Stoiber et al., SRT3D, IJCV 2022), as the last wo
 network. Never knows a network and never remembers anything; trackers keep the colours.
 """
 
-from .colours import Colours, learn_colours
-from .refinement import Polished, colours_at, polish
+from .histograms import ColourHistograms, estimate_histograms
+from .refinement import ContourRefinement, histograms_at, refine_contour
 
 __all__ = ["Colours", "Polished", "colours_at", "learn_colours", "polish"]

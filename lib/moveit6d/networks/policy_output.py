@@ -11,7 +11,7 @@ from torch import Tensor
 
 
 @dataclass(frozen=True)
-class Decision:
+class PolicyOutput:
     """What to do next, for a batch of B observations.
 
     `logits` (B, 13) score the actions of `ActionSpace`; `counts` (B, 6) are all six axes at once
@@ -21,6 +21,6 @@ class Decision:
     """
 
     logits: Tensor
-    counts: Tensor | None
+    delta: Tensor | None
     confidence: Tensor
     attention: Tensor | None = None

@@ -17,7 +17,7 @@ WIDTH_ERROR = 1.5
 LIMIT = 0.1  # of the diameter: ADD's usual limit
 
 
-def precision(pose: Pose, mesh: Mesh, camera: Camera) -> float:
+def localizability(pose: Pose, mesh: Mesh, camera: Camera) -> float:
     """Chance that a pose which looks right is within a tenth of the diameter of where it should be.
 
     An object at distance Z, f d / Z pixels wide, that is taken to be one pixel wider is taken to be

@@ -21,7 +21,7 @@ TRUTH = Pose(torch.eye(3).double(), torch.tensor([0.02, -0.01, 0.5], dtype=torch
 
 @pytest.fixture
 def tool() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("tool", TOOLS / "outline_contrast.py")
+    spec = importlib.util.spec_from_file_location("tool", TOOLS / "contour_contrast.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -36,9 +36,9 @@ def test_a_pose_beside_the_true_one_has_less(
     frame = Frame(pictures.picture(brick, TRUTH), pictures.CAMERA)
     diameter = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
     view = look_at(TRUTH, diameter)
-    counts = torch.zeros(6, dtype=torch.float64)
-    counts[axis] = sign * (2.0 if axis < 3 else 5.0)
-    beside = PoseAction.of(counts).apply(TRUTH, diameter)
+    delta = torch.zeros(6, dtype=torch.float64)
+    delta[axis] = sign * (2.0 if axis < 3 else 5.0)
+    beside = PoseAction.of(delta).apply(TRUTH, diameter)
     there, here = (
         tool.contrast(frame, brick, brick.outer(pose), view, make_renderer())
         for pose in (beside, TRUTH)

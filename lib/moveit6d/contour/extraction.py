@@ -10,26 +10,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Numbers = NDArray[np.float64]
+Float64 = NDArray[np.float64]
 
 SMOOTH = 2.0  # pixels over which the direction of the outline is averaged
 
 
 @dataclass(frozen=True)
-class Outline:
+class Contour:
     """Points (N, 2) between the last pixel inside and the first outside, x and y in the patch.
 
     `normals` (N, 2) are unit and point out; `inside` (N, 2) are the pixels (row, column) just
     inside; `lengths` (N,) say how much of the outline each point stands for, 1 on average.
     """
 
-    points: Numbers
-    normals: Numbers
+    points: Float64
+    normals: Float64
     inside: NDArray[np.intp]
-    lengths: Numbers
+    lengths: Float64
 
 
-def find_outline(mask: NDArray[np.bool_], number: int) -> Outline | None:
+def find_contour(mask: NDArray[np.bool_], number: int) -> Contour | None:
     """At most `number` points along the outlines of a mask (H, W), holes included; None if none.
 
     The true outline crosses the grid anywhere between two neighbours, so that the middle between
@@ -53,10 +53,10 @@ def find_outline(mask: NDArray[np.bool_], number: int) -> Outline | None:
     normals = normals[good] / steep[good, None]
     # An oblique outline has more borders of pixels than it has length.
     lengths = 1 / np.abs(normals).sum(1)
-    return Outline(points[good], normals, inside[good], lengths / lengths.mean())
+    return Contour(points[good], normals, inside[good], lengths / lengths.mean())
 
 
-def _borders(mask: NDArray[np.bool_]) -> tuple[Numbers, NDArray[np.intp]]:
+def _borders(mask: NDArray[np.bool_]) -> tuple[Float64, NDArray[np.intp]]:
     """Middles (N, 2) between neighbours of which one is inside, and the pixels inside (N, 2)."""
     points, inside = [], []
     for down, right in ((0, 1), (1, 0)):

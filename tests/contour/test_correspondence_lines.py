@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from moveit6d.regions.lines import AMPLITUDE, REACH, SHARPEST, SLOPE, WINDOW, displacements
+from moveit6d.contour.correspondence_lines import AMPLITUDE, REACH, SHARPEST, SLOPE, WINDOW, contour_distances
 
 
 def plain(odds: list[float]) -> tuple[float, float]:
@@ -31,7 +31,7 @@ def test_it_is_what_a_plain_loop_finds(scale: int) -> None:
     # Along the x axis, between pixels where segments are single ones: no interpolation.
     points = np.array([[31.5, 20.0], [30.5, 33.0]])
     normals = np.array([[1.0, 0.0], [-1.0, 0.0]])
-    mean, variance = displacements(odds, points, normals, scale)
+    mean, variance = contour_distances(odds, points, normals, scale)
     for i, (x, y) in enumerate(points):
         half = (REACH + WINDOW) * scale
         along = [int(x + normals[i, 0] * (k + 0.5 - half)) for k in range(2 * half)]
@@ -45,7 +45,7 @@ def test_an_edge_is_found_where_it_is(shift: int) -> None:
     odds = np.full((64, 64), -3.0, np.float32)
     odds[:, : 32 + shift] = 3
     points, normals = np.full((5, 2), 31.5), np.tile([1.0, 0.0], (5, 1))
-    mean, variance = displacements(odds, points, normals, 1)
+    mean, variance = contour_distances(odds, points, normals, 1)
     # Steps that smooth leave some chance to displacements beside, cut off at the reach.
     np.testing.assert_allclose(mean, shift, atol=0.25)
     assert (variance < 3).all()
@@ -53,6 +53,6 @@ def test_an_edge_is_found_where_it_is(shift: int) -> None:
 
 def test_colours_that_say_nothing_move_nothing() -> None:
     points, normals = np.full((3, 2), 31.5), np.tile([0.6, 0.8], (3, 1))
-    mean, variance = displacements(np.zeros((64, 64), np.float32), points, normals, 2)
+    mean, variance = contour_distances(np.zeros((64, 64), np.float32), points, normals, 2)
     np.testing.assert_allclose(mean, 0, atol=1e-9)
     np.testing.assert_allclose(variance, 4 * ((2 * REACH + 1) ** 2 - 1) / 12)

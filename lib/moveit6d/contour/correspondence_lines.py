@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .colours import Float
-from .outline import Numbers
+from .histograms import Float
+from .extraction import Float64
 
 REACH = 6  # displacements each way, in segments of the line
 WINDOW = 4  # segments each side of a displacement that it is judged by
@@ -20,12 +20,12 @@ SLOPE = 0.8
 SHARPEST = 0.7  # segments: no line knows better where the object ends
 
 
-def displacements(
-    log_odds: Float, points: Numbers, normals: Numbers, scale: int
-) -> tuple[Numbers, Numbers]:
+def contour_distances(
+    log_odds: Float, points: Float64, normals: Float64, scale: int
+) -> tuple[Float64, Float64]:
     """Mean and variance (N,), pixels, of how far along its normal each point should move.
 
-    `log_odds` (H, W) as in `Colours.log_odds`; a segment is `scale` pixels long. Where colours say
+    `log_odds` (H, W) as in `ColourHistograms.log_odds`; a segment is `scale` pixels long. Where colours say
     nothing every displacement is as likely: mean 0 and a large variance.
     """
     likelihood = np.log(_likelihood(_segments(log_odds, points, normals, scale)))
@@ -38,7 +38,7 @@ def displacements(
     return mean * scale, np.maximum(variance, SHARPEST**2) * scale**2
 
 
-def _segments(log_odds: Float, points: Numbers, normals: Numbers, scale: int) -> Float:
+def _segments(log_odds: Float, points: Float64, normals: Float64, scale: int) -> Float:
     """How likely each segment is the object's, from the inside out: (N, 2·(REACH + WINDOW))."""
     import cv2
 

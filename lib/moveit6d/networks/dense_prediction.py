@@ -11,7 +11,7 @@ from torch import Tensor
 
 
 @dataclass(frozen=True)
-class CellAnswer:
+class DensePrediction:
     """Answers a cell at one stride: displacement (B, 2, n, n) in pixels, logits (B, n, n).
 
     `shape` (B, 2, n, n), not at stride 8, says which direction is known well: see `precision`.

@@ -6,16 +6,16 @@ import pytest
 import torch
 from torch import nn
 
-from moveit6d.networks import narrow
-from moveit6d.networks.blocks import Residual, conv_block, deepened
+from moveit6d.networks import bfloat16
+from moveit6d.networks.blocks import Residual, conv_block, with_extra_blocks
 from moveit6d.networks.inference import folded
-from moveit6d.networks.narrow import Narrow
+from moveit6d.networks.bfloat16 import Bfloat16Convolutions
 
 
 def _chain() -> nn.Sequential:
     """A chain with batch normalisation of non-trivial statistics folded in."""
     torch.manual_seed(0)
-    chain = deepened(
+    chain = with_extra_blocks(
         [conv_block(5, 12, 2, 5), Residual(12)], 12, 1, [nn.Conv2d(12, 8, 1, bias=False)]
     )
     for module in chain.modules():
@@ -31,12 +31,12 @@ def _chain() -> nn.Sequential:
 def test_a_narrow_chain_answers_within_its_digits(
     can_pack: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if can_pack and not narrow._can_pack():
+    if can_pack and not bfloat16._can_pack():
         pytest.skip("this processor or torch cannot compute with packed bfloat16")
-    monkeypatch.setattr(narrow, "_can_pack", lambda: can_pack)
+    monkeypatch.setattr(bfloat16, "_can_pack", lambda: can_pack)
     chain = _chain()
-    fast = Narrow(copy.deepcopy(chain)).eval()
-    packed = [m for m in fast.modules() if isinstance(m, narrow._Packed)]
+    fast = Bfloat16Convolutions(copy.deepcopy(chain)).eval()
+    packed = [m for m in fast.modules() if isinstance(m, bfloat16._Packed)]
     # Stem, the residual's two, two more of `deepened`, and the 1 × 1 at the end.
     assert len(packed) == (6 if can_pack else 0)
     features = torch.randn(2, 5, 32, 32)
@@ -52,4 +52,4 @@ def test_torch_without_the_operators_is_noticed(monkeypatch: pytest.MonkeyPatch)
         pass
 
     monkeypatch.setattr(torch.ops, "mkldnn", Nothing())
-    assert not narrow._can_pack()
+    assert not bfloat16._can_pack()

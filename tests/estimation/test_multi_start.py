@@ -6,15 +6,15 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moveit6d.actions import difference
+from moveit6d.actions import pose_delta
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseEstimator, Target, refine_batch, refine_single
-from moveit6d.estimation.hypotheses import SURE, Around, beside
-from moveit6d.estimation.search import refine_or_search, surest
+from moveit6d.estimation.track_state import HIGH_CONFIDENCE, PerturbationConfig, sample_perturbation
+from moveit6d.estimation.multi_start import refine_multi_start, most_confident
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.policies import MoveMode
+from moveit6d.policies import ActionMode
 from moveit6d.rendering.renderer import make_renderer
 from tests.support.meshes import colored_box
 from tests.support.near_sighted import NearSighted
@@ -29,16 +29,16 @@ def at(x: float, z: float = 0.7) -> Pose:
     return Pose(torch.eye(3).double(), torch.tensor([x, 0.0, z], dtype=torch.float64))
 
 
-def estimator(mesh: Mesh, policy: NearSighted, search: bool = True) -> PoseEstimator:
+def estimator(mesh: Mesh, policy: NearSighted, multi_start: bool = True) -> PoseEstimator:
     return PoseEstimator(
-        mesh, CAMERA, policy=policy, renderer=RENDERER, search=search, regions=False
+        mesh, CAMERA, policy=policy, renderer=RENDERER, multi_start=multi_start, contour=False
     )
 
 
 def test_another_start_finds_what_the_given_one_does_not(brick: Mesh) -> None:
     truth, far = brick.inner(at(0.012)), at(-0.035)  # 28 counts away: too far for this policy
-    alone = estimator(brick, NearSighted(truth, 21.0), search=False).refine(GRAY, far)
-    assert alone.pose is not None and alone.confidence < SURE
+    alone = estimator(brick, NearSighted(truth, 21.0), multi_start=False).refine(GRAY, far)
+    assert alone.pose is not None and alone.confidence < HIGH_CONFIDENCE
     torch.testing.assert_close(alone.pose.matrix(), far.matrix())
     found = estimator(brick, NearSighted(truth, 21.0)).refine(GRAY, far)
     assert found.pose is not None and found.confidence == pytest.approx(0.95)
@@ -47,11 +47,11 @@ def test_another_start_finds_what_the_given_one_does_not(brick: Mesh) -> None:
 
 def test_what_is_believed_is_not_touched(brick: Mesh) -> None:
     truth = brick.inner(at(0.004))
-    with_search, without = NearSighted(truth, 30.0), NearSighted(truth, 30.0)
-    found = estimator(brick, with_search).refine(GRAY, at(0.0))
+    with_multi_start, without = NearSighted(truth, 30.0), NearSighted(truth, 30.0)
+    found = estimator(brick, with_multi_start).refine(GRAY, at(0.0))
     assert found.pose is not None
-    assert with_search.asked == found.steps + 7, "the last look in eight ways"
-    same = estimator(brick, without, search=False).refine(GRAY, at(0.0))
+    assert with_multi_start.asked == found.iterations + 7, "the last look in eight ways"
+    same = estimator(brick, without, multi_start=False).refine(GRAY, at(0.0))
     assert same.pose is not None
     torch.testing.assert_close(found.pose.matrix(), same.pose.matrix(), rtol=0, atol=0)
 
@@ -70,7 +70,7 @@ def test_each_of_many_targets_has_the_result_it_has_alone(brick: Mesh) -> None:
     def refined(some: list[Target]) -> list[Pose | None]:
         policy = NearSighted(truth, 21.0)
         return [result.pose for result in refine_single(
-            some, policy=policy, renderer=RENDERER, regions=False)]  # fmt: skip
+            some, policy=policy, renderer=RENDERER, contour=False)]  # fmt: skip
 
     together = refined(targets)
     for target, pose in zip(targets, together, strict=True):
@@ -84,7 +84,7 @@ def test_the_surest_of_all_ends_wins_and_pays_for_the_others(brick: Mesh) -> Non
     policy = NearSighted(truth, 21.0)
     targets = [Target(GRAY, CAMERA, brick, at(x)) for x in (0.012, -0.035)]
     results = refine_batch(targets, policy=policy, renderer=RENDERER)
-    sure, found = surest(results, [[], targets], policy=policy, renderer=RENDERER)
+    sure, found = most_confident(results, [[], targets], policy=policy, renderer=RENDERER)
     assert sure is results[0]
     assert found.pose is not None and found.confidence == results[0].confidence
     torch.testing.assert_close(found.pose.matrix(), at(0.012).matrix())
@@ -93,9 +93,9 @@ def test_the_surest_of_all_ends_wins_and_pays_for_the_others(brick: Mesh) -> Non
 
 def test_the_papers_policy_does_not_search(brick: Mesh) -> None:
     targets = [Target(GRAY, CAMERA, brick, at(0.0))]
-    policy = NearSighted(brick.inner(at(0.0)), 0.0, mode=MoveMode.SINGLE)
-    once = NearSighted(brick.inner(at(0.0)), 0.0, mode=MoveMode.SINGLE)
-    refine_or_search(targets, policy=policy, renderer=RENDERER)
+    policy = NearSighted(brick.inner(at(0.0)), 0.0, mode=ActionMode.SINGLE)
+    once = NearSighted(brick.inner(at(0.0)), 0.0, mode=ActionMode.SINGLE)
+    refine_multi_start(targets, policy=policy, renderer=RENDERER)
     refine_batch(targets, policy=once, renderer=RENDERER)
     assert policy.asked == once.asked
 
@@ -116,9 +116,9 @@ def test_at_the_edge_of_the_picture_places_out_of_sight_are_left_out(brick: Mesh
 def test_a_place_beside_is_as_far_as_asked(seed: int, shift: float, turn: float) -> None:
     mesh = BOX
     shifts = (shift, shift / 2, shift / 4)
-    around = Around(1, shifts, (turn, 2 * turn))
-    other = beside(mesh, at(0.02), np.random.default_rng(seed), around)
+    around = PerturbationConfig(1, shifts, (turn, 2 * turn))
+    other = sample_perturbation(mesh, at(0.02), np.random.default_rng(seed), around)
     diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
-    counts = difference(mesh.inner(at(0.02)), mesh.inner(other), diameter).numpy()
-    assert (np.abs(counts[:3]) <= np.array(shifts) + 1e-9).all()
-    assert turn - 1e-6 <= np.linalg.norm(counts[3:]) <= 2 * turn + 1e-6
+    delta = pose_delta(mesh.inner(at(0.02)), mesh.inner(other), diameter).numpy()
+    assert (np.abs(delta[:3]) <= np.array(shifts) + 1e-9).all()
+    assert turn - 1e-6 <= np.linalg.norm(delta[3:]) <= 2 * turn + 1e-6
