@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from moveit6d import Camera, InputError, Mesh, Pose
 from moveit6d.cli.main import main as moveit6d
-from moveit6d.datasets.files import (
+from moveit6d.datasets.pose_files import (
     POSE_COLUMNS,
     PoseRow,
     read_poses,

@@ -1,6 +1,6 @@
 """What the networks are trained to do: dense truth for every cell, losses, and one-step scores.
 
-Never draws data and never optimises. METHOD 9b; PROTOTYPE's recipe.
+Never draws data and never optimises. docs/method.md has the terms.
 """
 
 from __future__ import annotations
@@ -12,9 +12,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from moveit6d.actions import expert_action
-from moveit6d.networks.dense_prediction import DensePrediction
 from moveit6d.networks.correlation import GREY, CorrelationOutput
-from moveit6d.networks.policy_output import PolicyOutput
+from moveit6d.networks.dense_prediction import DensePrediction
 from moveit6d.networks.least_squares import (
     cell_pixels,
     move_points,
@@ -24,6 +23,7 @@ from moveit6d.networks.least_squares import (
     surface_points,
 )
 from moveit6d.networks.matching import centred
+from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.synthesis.pairs import TrainingBatch
 from moveit6d.synthesis.views import ViewBatch
 
@@ -33,7 +33,7 @@ RIGHT = 0.10  # mean point error in diameters under which a pose counts as right
 
 @dataclass(frozen=True)
 class LossWeights:
-    """Weights of the terms, and the scale of each count in the regression terms."""
+    """Weights of the terms, and the scale of each axis in the regression terms."""
 
     matching: float = 0.5
     coarse: float = 0.05
@@ -82,8 +82,7 @@ def dense_truth(batch: TrainingBatch, stride: int) -> DenseTruth:
 
 
 def correlation_losses(
-    output: CorrelationOutput, batch: TrainingBatch, radius: int, weights: LossWeights,
-    temperature: Tensor,
+    output: CorrelationOutput, batch: TrainingBatch, radius: int, weights: LossWeights
 ) -> dict[str, Tensor]:
     """Every term of the correlation network's loss, unweighted, by name."""
     coarse, fine = (dense_truth(batch, stride) for stride in (8, 4))
@@ -102,7 +101,7 @@ def correlation_losses(
         )
         return _mean_of(loss.mean(1), near)
 
-    terms = {
+    return {
         "matching": matching_loss(output.matching, coarse, radius),
         "coarse": coarse_flow,
         "fine": fine_flow,
@@ -115,9 +114,6 @@ def correlation_losses(
         "actions": action_loss(output.prediction, batch),
         "confidence": functional.binary_cross_entropy_with_logits(output.confidence_logit, right),
     }
-    if batch.views is not None and output.described is not None:
-        terms["views"] = view_loss(output.described, batch.views, batch.mesh, temperature)
-    return terms
 
 
 def _mean_of(values: Tensor, weight: Tensor) -> Tensor:
@@ -230,9 +226,7 @@ def view_pictures(views: ViewBatch) -> Tensor:
     return torch.cat([views.image, (templates - GREY) * masks + GREY])
 
 
-def view_loss(
-    described: Tensor, views: ViewBatch, mesh: Tensor, temperature: Tensor
-) -> Tensor:
+def view_loss(described: Tensor, views: ViewBatch, mesh: Tensor, temperature: Tensor) -> Tensor:
     """How well descriptors of `view_pictures` tell the right template and its place from others.
 
     Cross-entropy of the right template among those of other sides and other objects, and of its

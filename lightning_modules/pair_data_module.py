@@ -18,7 +18,6 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, IterableDataset, get_worker_info
 
-from .bank_pairs import BankStream
 from moveit6d.errors import InputError
 from moveit6d.networks.inference import InferenceNetwork
 from moveit6d.networks.weights_file import WEIGHTS_NAME, load_network
@@ -27,10 +26,12 @@ from moveit6d.synthesis.pairs import PairConfig, TrainingBatch
 from moveit6d.synthesis.shards import shard_stream
 from moveit6d.synthesis.source import PairSource, mesh_files
 
+from .bank_pairs import BankStream
+
 
 @dataclass(frozen=True)
 class RolloutConfig:
-    """Training on the states that the network itself leads to (METHOD 9d).
+    """Training on the states that the network itself leads to.
 
     After each batch of new pictures `cycles` more show the same ones, each after one more cycle of
     the network: on a GPU of the one in training, else of the one in `weights` (.safetensors; None:
@@ -128,9 +129,13 @@ class PairDataModule(pl.LightningDataModule):
             stream = self._written_stream(self.written)
         else:
             stream = PairStream(
-                self.source(), self.batch_size, self.renew_every, (self.seed, self._step()),
-                self._rollouts(), self._rank() * max(1, self.workers),
-            )  # fmt: skip
+                self.source(),
+                self.batch_size,
+                self.renew_every,
+                (self.seed, self._step()),
+                self._rollouts(),
+                self._rank() * max(1, self.workers),
+            )
         return DataLoader(
             stream,
             batch_size=None,
@@ -146,7 +151,9 @@ class PairDataModule(pl.LightningDataModule):
         if self.trainer.global_step < self.rollouts.first_step:
             return None
         network = module.network.eval()
-        with torch.autocast(observation.image.device.type, torch.bfloat16, observation.image.is_cuda):
+        with torch.autocast(
+            observation.image.device.type, torch.bfloat16, observation.image.is_cuda
+        ):
             delta: Tensor = network(observation).prediction.delta
         network.train()
         return delta.float()
@@ -173,9 +180,16 @@ class PairDataModule(pl.LightningDataModule):
         shapes = self.shapes if paths else max(1, self.shapes)
         others = mesh_files(self.occluders) if self.occluders is not None else []
         return PairSource(
-            tuple(paths), self.mesh_unit, self.photos, self.photo_limit, shapes, self.pairs,
-            self.symmetric, tuple(others), self.bare,
-        )  # fmt: skip
+            tuple(paths),
+            self.mesh_unit,
+            self.photos,
+            self.photo_limit,
+            shapes,
+            self.pairs,
+            self.symmetric,
+            tuple(others),
+            self.bare,
+        )
 
     def _written_stream(self, folder: Path) -> WrittenStream:
         if self.rollouts.iterations:
@@ -210,9 +224,14 @@ class PairStream(IterableDataset[TrainingBatch]):
     """
 
     def __init__(
-        self, source: PairSource, batch_size: int, renew_every: int, seed: tuple[int, int],
-        rollouts: RolloutConfig | None = None, first: int = 0,
-    ) -> None:  # fmt: skip
+        self,
+        source: PairSource,
+        batch_size: int,
+        renew_every: int,
+        seed: tuple[int, int],
+        rollouts: RolloutConfig | None = None,
+        first: int = 0,
+    ) -> None:
         super().__init__()
         self.source, self.batch_size = source, batch_size
         self.renew_every, self.seed, self.first = renew_every, seed, first

@@ -18,7 +18,8 @@ from torch.nn.utils import convert_conv2d_weight_memory_format
 from moveit6d.actions import expert_action
 from moveit6d.errors import InputError
 from moveit6d.networks.action_net import ActionNet
-from moveit6d.networks.correlation import CorrelationNet
+from moveit6d.networks.compact import CompactCorrelationNet
+from moveit6d.networks.kinds import PoseNet
 from moveit6d.networks.weights_file import begin_from, load_network, save_network
 from moveit6d.synthesis.pairs import TrainingBatch
 
@@ -28,12 +29,13 @@ from .losses import (
     correlation_losses,
     is_right,
     point_error,
+    view_loss,
     view_pictures,
 )
 
 
 class PoseActionModule(pl.LightningModule):
-    """Trains a `CorrelationNet` or an `ActionNet` on `TrainingBatch`es.
+    """Trains any of `networks.kinds` on `TrainingBatch`es.
 
     Args:
         network: the network to train; None: the one in `init_from`.
@@ -49,7 +51,7 @@ class PoseActionModule(pl.LightningModule):
 
     def __init__(
         self,
-        network: CorrelationNet | ActionNet | None = None,
+        network: PoseNet | None = None,
         learning_rate: float = 1.5e-3,
         schedule: str = "cosine",
         total_steps: int = 20_000,
@@ -117,11 +119,16 @@ class PoseActionModule(pl.LightningModule):
             right = prediction.logits.argmax(-1) == expert_action(batch.delta)
             return loss, {"actions": loss.detach(), "accuracy": right.float().mean()}
         early = self.training and self.global_step < self.matching_steps
-        beside = None if batch.views is None else view_pictures(batch.views)
-        output = self.network(batch.observation, matching_only=early, beside=beside)
-        terms = correlation_losses(
-            output, batch, self.network.config.radius, self.weights, self.network.view_temperature
-        )
+        network, views = self.network, batch.views
+        if isinstance(network, CompactCorrelationNet) and views is not None:
+            output = network(batch.observation, early, view_pictures(views))
+        else:
+            output = network(batch.observation, early)
+        terms = correlation_losses(output, batch, network.config.radius, self.weights)
+        if output.described is not None:
+            assert isinstance(network, CompactCorrelationNet) and views is not None
+            temperature = network.view_temperature
+            terms["views"] = view_loss(output.described, views, batch.mesh, temperature)
         loss = torch.stack(
             [value * getattr(self.weights, name) for name, value in terms.items()]
         ).sum()
@@ -159,9 +166,7 @@ class PoseActionModule(pl.LightningModule):
         save_network(self.network, path, {**facts, "steps": str(self.global_step)})
 
 
-def _network(
-    network: CorrelationNet | ActionNet | None, init_from: Path | None
-) -> CorrelationNet | ActionNet:
+def _network(network: PoseNet | None, init_from: Path | None) -> PoseNet:
     """What to train, in training mode, which what is loaded is not."""
     if network is None:
         if init_from is None:

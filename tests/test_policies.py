@@ -15,12 +15,12 @@ from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation, rotated
 from moveit6d.policies import (
     ActionMode,
+    DihedralAugmentation,
+    LoopState,
     NetworkPolicy,
     OraclePolicy,
-    LoopState,
-    TestTimeAugmentation,
-    to_action,
     rotate_delta,
+    to_action,
 )
 from tests.support.observations import an_observation
 
@@ -32,7 +32,7 @@ def a_prediction(best: int, delta: list[float] | None) -> PolicyOutput:
 
 
 def test_single_moves_follow_the_highest_score() -> None:
-    action = to_action(a_prediction(9, [9.0] * 6), ActionMode.SINGLE, step=3.0)
+    action = to_action(a_prediction(9, [9.0] * 6), ActionMode.SINGLE, step_size=3.0)
     assert action.delta.tolist() == [[0, 0, 0, 0, -3, 0]] and not action.stop.any()
     assert to_action(a_prediction(12, None), ActionMode.SINGLE).stop.all()
 
@@ -57,7 +57,7 @@ def test_the_oracle_knows_the_way() -> None:
     place = torch.tensor([[0.0, 0, 1], [0.1, 0, 1]], dtype=torch.float64)
     truth = Pose(random_rotations(2, torch.Generator().manual_seed(0)), place)
     wanted = torch.tensor([[5.0, 0, 0, 0, 0, 0], [0, 0, 0, 0, -2.0, 0]], dtype=torch.float64)
-    start = PoseAction.of(-wanted).apply(truth, diameter)
+    start = PoseAction.from_delta(-wanted).apply_centred(truth, diameter)
     prediction = OraclePolicy(truth).predict(
         an_observation(2), LoopState(start, diameter, torch.arange(2))
     )
@@ -76,9 +76,9 @@ def test_in_a_mirror_the_counts_change_their_signs_as_poses_do() -> None:
     place = torch.rand(20, 3, generator=generator).double() * 0.1 + torch.tensor([0, 0, 0.7])
     pose, diameter = Pose(rotation, place), torch.full((20,), 0.15).double()
     delta = torch.randn(20, 6, generator=generator).double() * 4
-    moved = PoseAction.of(delta).apply(pose, diameter)
+    moved = PoseAction.from_delta(delta).apply_centred(pose, diameter)
     other = pose_delta(reflected(pose), reflected(moved), diameter)
-    signs = torch.tensor(TestTimeAugmentation.SIGNS).double()
+    signs = torch.tensor(DihedralAugmentation.SIGNS).double()
     torch.testing.assert_close(other, delta * signs, atol=1e-6, rtol=1e-6)
 
 
@@ -98,7 +98,7 @@ def test_under_a_camera_that_rolls_the_counts_turn_as_poses_do(quarters: int) ->
     # Straight ahead, where the look-at camera of the rolled pose is the rolled look-at camera.
     pose = Pose(rotation, torch.stack([0 * place[:, 0], 0 * place[:, 1], place[:, 2]], -1))
     delta = torch.randn(20, 6, generator=generator).double() * 4
-    moved = PoseAction.of(delta).apply(pose, diameter)
+    moved = PoseAction.from_delta(delta).apply_centred(pose, diameter)
     other = pose_delta(rolled(pose), rolled(moved), diameter)
     torch.testing.assert_close(other, rotate_delta(delta, quarters), atol=1e-6, rtol=1e-6)
 
@@ -140,7 +140,7 @@ def test_what_is_wrong_on_one_side_cancels_in_all_ways_to_lay_it() -> None:
     observation = dataclasses.replace(observation, image=image)
     pose = Pose(torch.eye(3).double().expand(2, 3, 3), torch.tensor([[0, 0, 0.7]] * 2).double())
     state = LoopState(pose, torch.ones(2).double(), torch.arange(2))
-    prediction = TestTimeAugmentation(Lopsided()).predict(observation, state)
+    prediction = DihedralAugmentation(Lopsided()).predict(observation, state)
     assert prediction.delta is not None
     expected = [[6.5, 26.5, 1.0, -26.5, 6.5, 0.0], [-13.5, -3.5, 1.0, 3.5, -13.5, 0.0]]
     torch.testing.assert_close(prediction.delta, torch.tensor(expected))
@@ -151,5 +151,5 @@ def test_single_actions_are_not_turned() -> None:
     policy = NetworkPolicy(ActionNet())
     pose = Pose(torch.eye(3).double()[None], torch.tensor([[0, 0, 0.7]]).double())
     state = LoopState(pose, torch.ones(1).double(), torch.arange(1))
-    prediction = TestTimeAugmentation(policy).predict(an_observation(1), state)
+    prediction = DihedralAugmentation(policy).predict(an_observation(1), state)
     assert prediction.delta is None

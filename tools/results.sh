@@ -2,7 +2,7 @@
 # Measure the shipped model on the evaluation data and write docs/results/ anew.
 #
 #   tools/results.sh SHARED [sequences|videos|images|rendered|options|single_actions|no_depth|
-#                            paper_network|stand_ins|cycle|oracle ...]
+#                            paper_network|stand_ins|iteration|oracle ...]
 #
 # SHARED holds bench/ and data/ (see docs/results/README.md). Without names, all of them: about an
 # hour on two cores. Nothing of this data is used for training.
@@ -92,7 +92,7 @@ options() {
 single_actions() {
     local data=$shared/data/real/lmo_dev start
     local mode=(--single_actions --no_contour)
-    printf '# The paper'"'"'s policy: one of 13 actions a cycle\n\nThe shipped network without what goes '
+    printf '# The paper'"'"'s policy: one of 13 actions an iteration\n\nThe shipped network without what goes '
     printf 'past the paper: outline, search, and what the first frame teaches.\n\n'
     both_tracked "${mode[@]}" --no_calibration
     for start in small large keypoint_rgb; do
@@ -141,12 +141,12 @@ stand_ins() {
 reproduce() { # its headings one level down, under ours
     run reproduce "$@" | sed 's/^#/##/'
 }
-cycle() {
-    printf '# Time of one cycle\n\n'
+iteration() {
+    printf '# Time of one iteration\n\n'
     local threads
     for threads in 1 2; do
-        plain benchmark cycle --threads "$threads"
-        plain benchmark cycle --threads "$threads" --float32
+        plain benchmark iteration --threads "$threads"
+        plain benchmark iteration --threads "$threads" --float32
     done
 }
 oracle() {
@@ -155,7 +155,7 @@ oracle() {
     plain benchmark oracle --starts 100 --renderer pyrender  # software OpenGL is slow
 }
 
-for name in "${@:-sequences videos images rendered options single_actions no_depth paper_network stand_ins cycle oracle}"; do
+for name in "${@:-sequences videos images rendered options single_actions no_depth paper_network stand_ins iteration oracle}"; do
     for section in $name; do
         "$section" >"$work/$section.md"
         mv "$work/$section.md" "docs/results/$section.md"

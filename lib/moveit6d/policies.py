@@ -1,6 +1,6 @@
-"""Who decides the next move: a network, or an oracle that knows the true pose.
+"""Policies predict the next pose delta: a network, or an oracle that knows the true pose.
 
-Never renders and never applies a move.
+Never renders and never applies a pose delta.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from .actions import PoseAction, pose_delta, expert_action
+from .actions import PoseAction, expert_action, pose_delta
 from .errors import InputError
 from .geometry.crop import Crop
 from .geometry.pose import Pose
 from .networks.action_net import ActionNet
-from .networks.correlation import CorrelationNet
-from .networks.policy_output import PolicyOutput
 from .networks.inference import Compute, InferenceNetwork
+from .networks.kinds import PoseNet
+from .networks.policy_output import PolicyOutput
 from .networks.weights_file import load_network
 from .observation import Observation, mirrored, rotated
 
@@ -30,10 +30,10 @@ SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "multi_object.safetensors"
 
 
 class ActionMode(StrEnum):
-    """How a decision becomes a move."""
+    """How a prediction becomes a `PoseAction`."""
 
-    SINGLE = "single"  # the paper: the best of the 13 actions, one step long
-    ALL_AXES = "all_axes"  # all six real-valued counts at once (METHOD 9a)
+    SINGLE = "single"  # the paper: the best of the 13 actions, one step size long
+    ALL_AXES = "all_axes"  # all six axes of the real-valued delta at once
 
 
 @dataclass(frozen=True)
@@ -51,44 +51,45 @@ class LoopState:
 
 
 class Policy(Protocol):
-    """Decides from observations; `mode` says how its decisions are carried out.
+    """Predicts from observations; `mode` says how its predictions are carried out.
 
-    `crop` is the kind of patches that it wants to see, and in which its counts are measured.
+    `crop` is the kind of patches that it wants to see, and in which its delta is measured.
     """
 
     mode: ActionMode
     crop: Crop
 
     def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
-        """A decision for each observation of the batch."""
+        """A prediction for each observation of the batch."""
         ...
 
 
-def to_action(prediction: PolicyOutput, mode: ActionMode, step: float = 1.0) -> PoseAction:
-    """The move that a decision stands for.
+def to_action(prediction: PolicyOutput, mode: ActionMode, step_size: float = 1.0) -> PoseAction:
+    """The update that a prediction stands for.
 
-    In mode `single` the action with the highest score, `step` units long. In mode `all_axes` the
-    six counts as they are; it also stops if the stop action scores highest or every count is under
-    half a step, and the remainder is applied as the last move.
+    In mode `single` the action with the highest score, `step_size` units long. In mode `all_axes`
+    the delta as it is; it also stops if the stop action scores highest or every axis is under half
+    a step, and the remainder is applied as the last update.
     """
     best = prediction.logits.argmax(-1)
     if mode is ActionMode.SINGLE:
-        return PoseAction.from_index(best, step)
+        return PoseAction.from_index(best, step_size)
     if prediction.delta is None:
-        raise InputError(
-            "This network only chooses single actions: use the move mode 'single' with it."
-        )
-    done = prediction.delta.abs().amax(-1) < 0.5 * step
+        raise InputError("This network only chooses single actions: use the mode 'single' with it.")
+    done = prediction.delta.abs().amax(-1) < 0.5 * step_size
     return PoseAction(prediction.delta.to(torch.float64), (best == 12) | done)
 
 
 class NetworkPolicy:
-    """Decides with a trained network, in evaluation mode, without gradients."""
+    """Predicts with a trained network, in evaluation mode, without gradients."""
 
     def __init__(
-        self, network: CorrelationNet | ActionNet, mode: ActionMode | None = None, source: str = "",
+        self,
+        network: PoseNet,
+        mode: ActionMode | None = None,
+        source: str = "",
         compute: Compute = "auto",
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.network = InferenceNetwork(network, compute)
         single = isinstance(network, ActionNet)
         self.crop: Crop = network.config.crop
@@ -102,21 +103,21 @@ class NetworkPolicy:
         return self.network(observation)
 
 
-class TestTimeAugmentation:
-    """Asks another policy about what is seen laid in all eight ways, and takes the mean.
+class DihedralAugmentation:
+    """Test-time augmentation: the mean prediction over the eight dihedral views of an observation.
 
-    By quarter turns, and each of them in the mirror: what it gets wrong is not the same in all.
-    Scores of single actions and the attention are those of what is seen.
+    Four quarter turns, each of them also mirrored: the errors of another policy differ between
+    them. Scores of single actions and the attention are those of what is seen.
     """
 
-    # Of the six counts where right and left change places: shifts along x and turns about y and z.
+    # The axes of a delta that change sign in the mirror: shifts along x and turns about y and z.
     SIGNS = (-1.0, 1.0, 1.0, 1.0, -1.0, -1.0)
 
     def __init__(self, policy: Policy) -> None:
         self.policy, self.mode, self.crop = policy, policy.mode, policy.crop
 
     def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
-        """The mean of the eight decisions."""
+        """The mean of the eight predictions."""
         prediction = self.policy.predict(observation, state)
         if prediction.delta is None:
             return prediction
@@ -133,7 +134,7 @@ class TestTimeAugmentation:
 
 
 def rotate_delta(delta: Tensor, quarters: int) -> Tensor:
-    """The counts (B, 6) of a move in a picture that is turned as `turned` does."""
+    """The delta (B, 6) of an observation that is turned as `rotated` does."""
     for _ in range(quarters % 4):
         x, y, z, about_x, about_y, about_z = delta.unbind(-1)
         delta = torch.stack([y, -x, z, about_y, -about_x, about_z], -1)
@@ -152,7 +153,7 @@ class OraclePolicy:
         self.truth, self.mode, self.crop = truth.to(torch.float64), mode, crop
 
     def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
-        """The expert's action, and the exact counts to the truth."""
+        """The expert's action, and the exact delta to the truth."""
         goal = self.truth[state.target]
         delta = pose_delta(state.pose, goal, state.sphere_diameter, self.crop)
         logits = functional.one_hot(expert_action(delta), 13).to(torch.float64)
@@ -165,7 +166,7 @@ def load_policy(
     """A policy from a weights file; without one, from the weights that are shipped.
 
     `compute` are the numbers of its convolutions: `auto` takes bfloat16 where the processor has
-    AMX instructions, which is faster and moves poses by hundredths of a count; with `float32` they
+    AMX instructions, which is faster and changes poses by hundredths of a unit; with `float32` they
     are what they are on machines without.
     """
     loaded = load_network(SHIPPED_WEIGHTS if path is None else Path(path))

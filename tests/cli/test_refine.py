@@ -61,11 +61,20 @@ def command(dataset: BopDataset, scene: Any, tmp_path: Path) -> Callable[..., in
 
     def run(rows: list[Estimate], *more: str) -> int:
         write_results(tmp_path / "initial.csv", rows)
-        return main([
-            "refine", "--dataset", str(dataset.root), "--split", "val",
-            "--initial", str(tmp_path / "initial.csv"), "--output", str(tmp_path / "refined.csv"),
-            *more,
-        ])  # fmt: skip
+        return main(
+            [
+                "refine",
+                "--dataset",
+                str(dataset.root),
+                "--split",
+                "val",
+                "--initial",
+                str(tmp_path / "initial.csv"),
+                "--output",
+                str(tmp_path / "refined.csv"),
+                *more,
+            ]
+        )
 
     return run
 
@@ -122,8 +131,21 @@ def test_before_and_after_are_compared_by_evaluate(
     assert command(rows) == 0
     capsys.readouterr()
     files = [str(tmp_path / name) for name in ("initial.csv", "refined.csv")]
-    assert main(["evaluate", "bop", "--dataset", str(dataset.root), "--split", "val",
-                 "--results", *files]) == 0  # fmt: skip
+    assert (
+        main(
+            [
+                "evaluate",
+                "bop",
+                "--dataset",
+                str(dataset.root),
+                "--split",
+                "val",
+                "--results",
+                *files,
+            ]
+        )
+        == 0
+    )
     cells = [
         [cell.strip() for cell in line.split("|")[1:-1]]
         for line in capsys.readouterr().out.splitlines()
@@ -207,8 +229,22 @@ def test_ctrl_c_keeps_the_images_done(
 def test_an_unknown_split_is_said(
     dataset: BopDataset, tmp_path: Path, capsys: Any, brick: Mesh
 ) -> None:
-    assert main(["refine", "--dataset", str(dataset.root), "--split", "test",
-                 "--initial", "a.csv", "--output", "b.csv"]) == 2  # fmt: skip
+    assert (
+        main(
+            [
+                "refine",
+                "--dataset",
+                str(dataset.root),
+                "--split",
+                "test",
+                "--initial",
+                "a.csv",
+                "--output",
+                "b.csv",
+            ]
+        )
+        == 2
+    )
     assert "no split 'test'; folders there: val" in capsys.readouterr().err
 
 

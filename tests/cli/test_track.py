@@ -16,7 +16,7 @@ import torch
 from PIL import Image
 
 from moveit6d.cli.main import main
-from moveit6d.datasets.files import TRACK_COLUMNS, read_poses, write_pose
+from moveit6d.datasets.pose_files import TRACK_COLUMNS, read_poses, write_pose
 from moveit6d.evaluation.metrics import add
 from moveit6d.geometry.pose import Pose
 
@@ -251,11 +251,24 @@ def bad_inputs(clip: Clip, tmp: Path) -> dict[str, tuple[dict[str, str], str]]:
 
 
 NAMES = [
-    "no mesh", "mesh without faces", "foreign mesh", "unit mix-up", "no video", "empty folder",
-    "text for video", "no camera", "pose for camera", "camera of another size", "singular",
-    "left-handed", "behind the camera", "out of sight", "millimetres", "inside the object",
+    "no mesh",
+    "mesh without faces",
+    "foreign mesh",
+    "unit mix-up",
+    "no video",
+    "empty folder",
+    "text for video",
+    "no camera",
+    "pose for camera",
+    "camera of another size",
+    "singular",
+    "left-handed",
+    "behind the camera",
+    "out of sight",
+    "millimetres",
+    "inside the object",
     "output is a file",
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -5,7 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from moveit6d.contour.correspondence_lines import AMPLITUDE, REACH, SHARPEST, SLOPE, WINDOW, contour_distances
+from moveit6d.contour.correspondence_lines import (
+    AMPLITUDE,
+    REACH,
+    SHARPEST,
+    SLOPE,
+    WINDOW,
+    contour_distances,
+)
 
 
 def plain(odds: list[float]) -> tuple[float, float]:

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from moveit6d.contour.histograms import BAND, BINS, BLUR, ColourHistograms, colour_bins, estimate_histograms
+from moveit6d.contour.histograms import (
+    BAND,
+    BINS,
+    BLUR,
+    ColourHistograms,
+    colour_bins,
+    estimate_histograms,
+)
 
 SEEN = np.ones((64, 64), bool)
 

@@ -5,11 +5,11 @@ import pytest
 import torch
 
 from moveit6d.actions import PoseAction, pose_delta
+from moveit6d.contour import ColourHistograms, refine_contour
+from moveit6d.contour.refinement import SPREAD, jacobian
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3
-from moveit6d.contour import ColourHistograms, refine_contour
-from moveit6d.contour.refinement import SPREAD, jacobian
 from moveit6d.rendering import make_renderer
 from tests.support.meshes import colored_box
 from tests.support.pictures import CAMERA, mottled, picture
@@ -33,7 +33,9 @@ def size(mesh: Mesh) -> torch.Tensor:
 
 
 def moved(pose: Pose, mesh: Mesh, *delta: float) -> Pose:
-    return PoseAction.of(torch.tensor(delta, dtype=torch.float64)).apply(pose, size(mesh))
+    return PoseAction.from_delta(torch.tensor(delta, dtype=torch.float64)).apply_centred(
+        pose, size(mesh)
+    )
 
 
 def off(pose: Pose, truth: Pose, mesh: Mesh) -> torch.Tensor:
@@ -54,12 +56,17 @@ START = [(2.0, 0, 0, 0, 0, 0), (0, -2.0, 0, 0, 0, 0), (0, 0, 2.0, 0, 0, 0), (0, 
 WIDE = np.array([0.7, 0.7, 1.5, 1.5, 1.5, 1.0])
 
 
-@pytest.mark.parametrize("counts", START)
+@pytest.mark.parametrize("delta", START)
 @pytest.mark.parametrize(("spread", "left", "share"), [(SPREAD, 1.0, 0.55), (WIDE, 0.7, 0.5)])
 def test_two_counts_of_error_become_less_than_one(
-    box: Mesh, truth: Pose, delta: tuple[float, ...],
-    spread: np.ndarray, left: float, share: float, monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+    box: Mesh,
+    truth: Pose,
+    delta: tuple[float, ...],
+    spread: np.ndarray,
+    left: float,
+    share: float,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("moveit6d.contour.refinement.SPREAD", spread)
     image, start = picture(box, truth), moved(truth, box, *delta)
     found = refine_contour(image, K, box, start, make_renderer(), known(box, truth))
@@ -113,7 +120,7 @@ def test_the_jacobian_is_that_of_the_actions(box: Mesh, truth: Pose) -> None:
     focal = 128 / 1.4 * 0.4 / box.sphere_diameter  # the patch's
 
     def pixels(delta: torch.Tensor) -> np.ndarray:
-        seen = PoseAction.of(delta).apply(pose, size(box)).transform(points)
+        seen = PoseAction.from_delta(delta).apply_centred(pose, size(box)).transform(points)
         return (seen[:, :2] / seen[:, 2:] * focal).numpy()
 
     found = jacobian(pose.transform(points).numpy(), pose.translation.numpy(), focal)

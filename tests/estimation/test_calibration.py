@@ -16,7 +16,7 @@ from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import ActionMode, OraclePolicy, LoopState
+from moveit6d.policies import ActionMode, LoopState, OraclePolicy
 from moveit6d.rendering.renderer import make_renderer
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
@@ -40,7 +40,9 @@ class TooNear:
         same = replace(state, target=torch.arange(number))
         prediction = oracle.predict(seen, same)
         assert prediction.delta is not None
-        return replace(prediction, delta=prediction.delta + torch.tensor([0, 0, self.bias, 0, 0, 0]))
+        return replace(
+            prediction, delta=prediction.delta + torch.tensor([0, 0, self.bias, 0, 0, 0])
+        )
 
 
 def left(mesh: Mesh, pose: Pose | None) -> float:

@@ -1,4 +1,4 @@
-"""The detector finds an object without a start, and each judge chooses as it says."""
+"""The detector finds an object without a start, and each criterion chooses as it says."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ import torch
 from moveit6d import PoseDetector
 from moveit6d.actions import pose_delta
 from moveit6d.errors import InputError
-from moveit6d.estimation import SelectionCriterion, DetectorConfig, StopReason, TrackingResult
+from moveit6d.estimation import DetectorConfig, SelectionCriterion, StopReason, TrackingResult
 from moveit6d.estimation.detector import BATCH, Candidate, best_of, strongest
 from moveit6d.estimation.seeding import Sink
 from moveit6d.geometry.camera import Camera
@@ -26,14 +26,17 @@ def a_sink(x: float, strength: float) -> Sink:
 
 
 def a_candidate(
-    iterations: int, confidence: float, path_length: float, reason: StopReason = StopReason.STOP_ACTION
+    iterations: int,
+    confidence: float,
+    path_length: float,
+    reason: StopReason = StopReason.STOP_ACTION,
 ) -> Candidate:
     pose = None if reason is StopReason.FAILED else Pose.identity()
     result = TrackingResult(pose, iterations, reason, confidence, 1.0)
     return Candidate(a_sink(0, 1), Pose.identity(), result, path_length)
 
 
-@pytest.mark.parametrize("judge", list(SelectionCriterion))
+@pytest.mark.parametrize("criterion", list(SelectionCriterion))
 def test_an_oracle_is_found_without_a_start(brick: Mesh, criterion: SelectionCriterion) -> None:
     """With a policy that knows the way, seeds, sink and grid end at the truth."""
     turn = random_rotations(1, torch.Generator().manual_seed(3))[0]
@@ -51,7 +54,7 @@ def test_an_oracle_is_found_without_a_start(brick: Mesh, criterion: SelectionCri
     assert again.pose is not None and torch.equal(again.pose.rotation, found.pose.rotation)
 
 
-def test_each_judge_has_its_own_favourite() -> None:
+def test_each_criterion_has_its_own_favourite() -> None:
     quick = a_candidate(2, 0.3, 50)
     sure = a_candidate(5, 0.9, 20)
     near = a_candidate(2, 0.2, 10)
@@ -95,9 +98,9 @@ def test_a_search_that_looks_nowhere_is_refused(options: dict, message: str) -> 
         DetectorConfig(**options)
 
 
-def test_unknown_judges_and_wrong_images_are_refused(brick: Mesh) -> None:
+def test_unknown_criteria_and_wrong_images_are_refused(brick: Mesh) -> None:
     policy = OraclePolicy(Pose.identity(1))
-    with pytest.raises(InputError, match="no judge 'luck'"):
+    with pytest.raises(InputError, match="no selection criterion 'luck'"):
         PoseDetector(brick, CAMERA, criterion="luck", policy=policy)
     with pytest.raises(InputError, match="320×240"):
         PoseDetector(brick, CAMERA, policy=policy).detect(np.zeros((10, 10, 3), np.uint8))

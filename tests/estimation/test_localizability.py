@@ -31,7 +31,9 @@ def test_it_is_the_share_of_drawn_width_errors_that_keep_the_depth(
 def test_near_objects_and_long_lenses_say_more(brick: Mesh) -> None:
     camera = Camera(600, 600, 319.5, 239.5, 640, 480)
     long = Camera(1200, 1200, 319.5, 239.5, 640, 480)
-    chances = [localizability(brick.outer(at(z)), brick, camera) for z in (0.5, 1.0, 2.0, 4.0, 50.0)]
+    chances = [
+        localizability(brick.outer(at(z)), brick, camera) for z in (0.5, 1.0, 2.0, 4.0, 50.0)
+    ]
     assert chances == sorted(chances, reverse=True)
     assert chances[0] > 0.999
     assert 0 < chances[-1] < 0.05

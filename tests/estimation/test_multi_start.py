@@ -1,4 +1,4 @@
-"""Looking around in single images: only in doubt, only where the camera sees, the surest wins."""
+"""Multi-start refinement: only at low confidence, only where the camera sees, the best wins."""
 
 import numpy as np
 import pytest
@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from moveit6d.actions import pose_delta
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseEstimator, Target, refine_batch, refine_single
+from moveit6d.estimation.multi_start import most_confident, refine_multi_start
 from moveit6d.estimation.track_state import HIGH_CONFIDENCE, PerturbationConfig, sample_perturbation
-from moveit6d.estimation.multi_start import refine_multi_start, most_confident
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -69,8 +69,10 @@ def test_each_of_many_targets_has_the_result_it_has_alone(brick: Mesh) -> None:
 
     def refined(some: list[Target]) -> list[Pose | None]:
         policy = NearSighted(truth, 21.0)
-        return [result.pose for result in refine_single(
-            some, policy=policy, renderer=RENDERER, contour=False)]  # fmt: skip
+        return [
+            result.pose
+            for result in refine_single(some, policy=policy, renderer=RENDERER, contour=False)
+        ]
 
     together = refined(targets)
     for target, pose in zip(targets, together, strict=True):
@@ -79,7 +81,7 @@ def test_each_of_many_targets_has_the_result_it_has_alone(brick: Mesh) -> None:
         torch.testing.assert_close(pose.matrix(), alone.matrix())
 
 
-def test_the_surest_of_all_ends_wins_and_pays_for_the_others(brick: Mesh) -> None:
+def test_the_most_confident_end_wins_and_pays_for_the_others(brick: Mesh) -> None:
     truth = brick.inner(at(0.012))
     policy = NearSighted(truth, 21.0)
     targets = [Target(GRAY, CAMERA, brick, at(x)) for x in (0.012, -0.035)]

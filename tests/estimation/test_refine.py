@@ -10,7 +10,7 @@ import torch
 from moveit6d.actions import PoseAction, pose_delta
 from moveit6d.errors import InputError, RenderingUnavailable
 from moveit6d.estimation import StopReason, Target, refine_batch
-from moveit6d.estimation.refine import FINE_THRESHOLD, FINE_SCALE
+from moveit6d.estimation.refine import FINE_SCALE, FINE_THRESHOLD
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.mesh import Mesh
@@ -18,7 +18,7 @@ from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
 from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import ActionMode, OraclePolicy, LoopState
+from moveit6d.policies import ActionMode, LoopState, OraclePolicy
 from moveit6d.rendering.renderer import Renderer, make_renderer
 from moveit6d.synthesis.clusters import ClusterConfig, draw_delta
 
@@ -37,7 +37,9 @@ def some_targets(
         torch.from_numpy(random.uniform([-0.08, -0.06, 0.6], [0.08, 0.06, 1.2], (number, 3))),
     )
     delta = np.stack([draw_delta(random, ClusterConfig(), cluster) for _ in range(number)])
-    start = PoseAction.of(torch.from_numpy(delta)).apply(truth, diameter.expand(number))
+    start = PoseAction.from_delta(torch.from_numpy(delta)).apply_centred(
+        truth, diameter.expand(number)
+    )
     return [Target(IMAGE, CAMERA, mesh, mesh.outer(start[i])) for i in range(number)], truth
 
 

@@ -5,17 +5,17 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from moveit6d.actions import pose_delta
+from moveit6d.contour import ColourHistograms
 from moveit6d.estimation.track_state import (
-    LOW_CONFIDENCE,
-    HISTOGRAM_RATE,
-    VELOCITY_RATE,
-    VELOCITY_DECAY,
     HIGH_CONFIDENCE,
+    HISTOGRAM_RATE,
+    LOW_CONFIDENCE,
+    VELOCITY_DECAY,
+    VELOCITY_RATE,
     TrackState,
-)  # fmt: skip
+)
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.contour import ColourHistograms
 
 
 def moving(mesh: Mesh, frame: int) -> Pose:
@@ -32,7 +32,9 @@ def above_high(track: TrackState, *poses: Pose) -> TrackState:
 
 
 def test_an_even_motion_is_continued(brick: Mesh) -> None:
-    track = above_high(TrackState.begin(brick, moving(brick, 0)), moving(brick, 1), moving(brick, 2))
+    track = above_high(
+        TrackState.begin(brick, moving(brick, 0)), moving(brick, 1), moving(brick, 2)
+    )
     last, ahead = track.starts()
     torch.testing.assert_close(last.matrix(), moving(brick, 2).matrix())
     torch.testing.assert_close(ahead.matrix(), moving(brick, 3).matrix())
@@ -43,7 +45,9 @@ def test_an_object_at_rest_has_one_start(brick: Mesh) -> None:
     assert len(track.starts()) == 1
 
 
-def test_a_doubtful_pose_is_not_extrapolated_and_the_trusted_one_is_kept(brick: Mesh) -> None:
+def test_a_pose_of_low_confidence_is_not_extrapolated_and_the_last_good_one_kept(
+    brick: Mesh,
+) -> None:
     track = above_high(TrackState.begin(brick, moving(brick, 0)), moving(brick, 1))
     track.add(moving(brick, 4), LOW_CONFIDENCE - 0.1)
     track.add(moving(brick, 6), LOW_CONFIDENCE - 0.1)
@@ -66,7 +70,9 @@ def test_half_sure_poses_are_gone_on_from_but_neither_continued_nor_gone_back_to
 
 
 def test_an_object_in_doubt_is_likely_on_its_way_and_slows_down(brick: Mesh) -> None:
-    track = above_high(TrackState.begin(brick, moving(brick, 0)), *(moving(brick, k) for k in (1, 2, 3)))
+    track = above_high(
+        TrackState.begin(brick, moving(brick, 0)), *(moving(brick, k) for k in (1, 2, 3))
+    )
     diameter = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
     ways = []
     for _ in range(60):
@@ -81,19 +87,21 @@ def test_an_object_in_doubt_is_likely_on_its_way_and_slows_down(brick: Mesh) -> 
     np.testing.assert_allclose(apart[1:] / apart[:-1], VELOCITY_DECAY, rtol=1e-6)
     first = TrackState.begin(brick, moving(brick, 3))
     first = above_high(first, moving(brick, 4))
-    delta = pose_delta(brick.inner(first.recovery_poses()[2]), brick.inner(moving(brick, 5)), diameter)
+    delta = pose_delta(
+        brick.inner(first.recovery_poses()[2]), brick.inner(moving(brick, 5)), diameter
+    )
     assert delta.abs().max() < 1e-6, "in the next frame it is where the motion leads"
 
 
 def test_a_motion_is_a_mean_and_forgotten_in_a_gap(brick: Mesh) -> None:
     here = moving(brick, 0)
     track = above_high(TrackState.begin(brick, here), here, moving(brick, 1))
-    assert track.motion is not None and track.velocity is not None
-    torch.testing.assert_close(track.motion, VELOCITY_RATE * track.velocity)
+    assert track.mean_velocity is not None and track.velocity is not None
+    torch.testing.assert_close(track.mean_velocity, VELOCITY_RATE * track.velocity)
     track.miss()
-    assert track.motion is not None, "it is what says where to look"
+    assert track.mean_velocity is not None, "it is what says where to look"
     track.add(here, 1.0)
-    assert track.motion is None and track.frames_unconfident == 0
+    assert track.mean_velocity is None and track.frames_unconfident == 0
     assert track.recovery_poses() == (here, here, here)
 
 

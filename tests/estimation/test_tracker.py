@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from moveit6d.actions import PoseAction, pose_delta
+from moveit6d.contour import ColourHistograms, refine_contour
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseEstimator, PoseTracker, StopReason
 from moveit6d.estimation.track_state import LOW_CONFIDENCE
@@ -17,8 +18,7 @@ from moveit6d.geometry.rotation import exp_so3, log_so3
 from moveit6d.geometry.symmetry import ContinuousSymmetry, Symmetries
 from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import ActionMode, OraclePolicy, LoopState
-from moveit6d.contour import ColourHistograms, refine_contour
+from moveit6d.policies import ActionMode, LoopState, OraclePolicy
 from moveit6d.rendering.renderer import make_renderer
 from tests.support import pictures
 from tests.support.near_sighted import NearSighted
@@ -208,11 +208,13 @@ def test_a_reset_to_a_pose_out_of_sight_changes_nothing(brick: Mesh) -> None:
         torch.testing.assert_close(tracker.poses[0].matrix(), at(0.0).matrix())
 
 
-def test_the_outline_has_the_last_word(brick: Mesh) -> None:
+def test_the_contour_is_refined_after_the_policy(brick: Mesh) -> None:
     """The policy is wrong by two counts of shift and of size; the picture shows it."""
     diameter = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
     truth = Pose(torch.eye(3).double(), torch.tensor([0.02, -0.01, 0.5], dtype=torch.float64))
-    wrong = PoseAction.of(torch.tensor([2.0, 0, 2.0, 0, 0, 0])).apply(truth, diameter)
+    wrong = PoseAction.from_delta(torch.tensor([2.0, 0, 2.0, 0, 0, 0])).apply_centred(
+        truth, diameter
+    )
     frame = pictures.picture(brick, truth).permute(1, 2, 0).numpy()
     far = []
     for contour in (True, False):
@@ -260,9 +262,13 @@ def test_colours_are_learnt_from_a_frame_whose_pose_is_exact(brick: Mesh) -> Non
 def histograms_at_truth(mesh: Mesh, truth: Pose, picture: torch.Tensor) -> ColourHistograms:
     """As the refinement gives them at a pose that it leaves where it is."""
     refined = refine_contour(
-        picture, pictures.CAMERA.matrix(), mesh, truth, make_renderer(),
+        picture,
+        pictures.CAMERA.matrix(),
+        mesh,
+        truth,
+        make_renderer(),
         histograms=ColourHistograms(*[np.full(32**3, 32.0**-3, np.float32)] * 2),
-    )  # fmt: skip
+    )
     assert refined.histograms is not None
     return refined.histograms
 
@@ -281,8 +287,13 @@ def test_an_object_of_revolution_does_not_spin(brick: Mesh) -> None:
         torch.tensor([0.01, 0.0, 0.7], dtype=torch.float64),
     )
     policy = OraclePolicy(Pose.stack([turned]), ActionMode.ALL_AXES)
-    tracker = PoseTracker(can, CAMERA, can.outer(Pose(torch.eye(3).double(), turned.translation)),
-                          policy=policy, contour=False)  # fmt: skip
+    tracker = PoseTracker(
+        can,
+        CAMERA,
+        can.outer(Pose(torch.eye(3).double(), turned.translation)),
+        policy=policy,
+        contour=False,
+    )
     result = tracker.update(GRAY)[0]
     assert result.pose is not None
     spin = log_so3(result.pose.rotation)

@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 import torch
 
-from moveit6d.datasets.files import PoseRow
+from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.sequences import read_sequences
 from moveit6d.errors import InputError
 from moveit6d.evaluation.tracking import (
@@ -137,13 +137,16 @@ def test_the_comparison_puts_trackers_beside_each_other() -> None:
 
 
 def test_steps_have_a_column_where_a_track_counts_them() -> None:
-    counted = {"a_0": replace(some_score(1.0), iterations=3.0), "a_1": replace(some_score(1.0), iterations=8)}
+    counted = {
+        "a_0": replace(some_score(1.0), iterations=3.0),
+        "a_1": replace(some_score(1.0), iterations=8),
+    }
     levels = {"a_0": "a", "a_1": "a"}
     table = comparison_table({"rival": {"a_0": some_score(0.9)}, "ours": counted}, levels)
     head, _, *rows = [[cell.strip() for cell in line.split("|")] for line in table.splitlines()]
-    column = head.index("steps")
+    column = head.index("iterations")
     assert [row[column] for row in rows] == ["-", "5.5"]
-    assert "steps" not in tracking_table({"a_0": some_score(0.9)}, levels)
+    assert "iterations" not in tracking_table({"a_0": some_score(0.9)}, levels)
 
 
 @pytest.fixture(scope="module")

@@ -164,7 +164,7 @@ def test_your_video_example_runs(
 ) -> None:  # fmt: skip
     import track_my_video
 
-    from moveit6d.datasets.files import read_pose
+    from moveit6d.datasets.pose_files import read_pose
     from moveit6d.policies import OraclePolicy
 
     folder = write_sequence(tmp_path / "clip", mesh=brick, seed=1, frames=2, level="easy")

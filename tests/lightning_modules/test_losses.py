@@ -9,8 +9,8 @@ import torch
 from lightning_modules.losses import (
     RIGHT,
     LossWeights,
-    dense_truth,
     correlation_losses,
+    dense_truth,
     is_right,
     matching_loss,
     point_error,

@@ -203,5 +203,5 @@ def test_rollouts_are_of_what_the_fit_itself_exports_unless_told_otherwise(tmp_p
 
 def test_written_pairs_and_rollouts_exclude_each_other(written: Path) -> None:
     module = PairDataModule(written=written, rollouts=RolloutConfig(Path("w"), 2))
-    with pytest.raises(InputError, match=r"data\.rollouts\.cycles"):
+    with pytest.raises(InputError, match=r"data\.rollouts\.iterations"):
         module.train_dataloader()

@@ -7,9 +7,9 @@ import torch
 from torch import nn
 
 from moveit6d.networks import bfloat16
+from moveit6d.networks.bfloat16 import Bfloat16Convolutions
 from moveit6d.networks.blocks import Residual, conv_block, with_extra_blocks
 from moveit6d.networks.inference import folded
-from moveit6d.networks.bfloat16 import Bfloat16Convolutions
 
 
 def _chain() -> nn.Sequential:

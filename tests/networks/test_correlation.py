@@ -28,7 +28,9 @@ def test_answers_have_the_stated_shapes_and_are_finite() -> None:
     assert prediction.attention is not None and prediction.attention.shape == (2, 1, 16, 16)
     assert output.matching.shape == (2, 256, 81)
     assert output.fine.displacement.shape == (2, 2, 32, 32)
-    assert all(torch.isfinite(v).all() for v in (prediction.logits, prediction.delta, output.matching))
+    assert all(
+        torch.isfinite(v).all() for v in (prediction.logits, prediction.delta, output.matching)
+    )
 
 
 def test_a_batch_answers_as_its_parts_do() -> None:
@@ -46,7 +48,9 @@ def test_a_batch_answers_as_its_parts_do() -> None:
 def test_an_empty_rendering_gives_finite_answers() -> None:
     observation = an_observation(1)
     zero = torch.zeros_like(observation.mask)
-    empty = Observation(observation.image, observation.rendering * 0, zero, zero, observation.distance)
+    empty = Observation(
+        observation.image, observation.rendering * 0, zero, zero, observation.distance
+    )
     with torch.no_grad():
         delta = CorrelationNet().eval()(empty).prediction.delta
     assert delta is not None and torch.isfinite(delta).all()
@@ -67,6 +71,12 @@ def test_in_the_first_steps_only_matching_reaches_the_encoder() -> None:
 def test_without_depth_the_depth_is_not_looked_at() -> None:
     network = CorrelationNet(CorrelationConfig(use_depth=False)).eval()
     observation = an_observation(1)
-    other = Observation(observation.image, observation.rendering, observation.depth * 0.3, observation.mask, observation.distance)
+    other = Observation(
+        observation.image,
+        observation.rendering,
+        observation.depth * 0.3,
+        observation.mask,
+        observation.distance,
+    )
     with torch.no_grad():
         assert torch.equal(network(observation).prediction.logits, network(other).prediction.logits)

@@ -26,7 +26,7 @@ def test_folded_and_traced_networks_answer_as_the_original(kind: type) -> None:
             answer = original(observation)
         expected = answer[0] if isinstance(answer, tuple) else answer.prediction
         found = fast(observation)
-        for name in ("logits", "counts", "confidence", "attention"):
+        for name in ("logits", "delta", "confidence", "attention"):
             wanted = getattr(expected, name)
             if wanted is None:
                 assert getattr(found, name) is None

@@ -44,7 +44,7 @@ def test_moves_are_those_of_pose_action() -> None:
     diameter = torch.tensor([0.1, 0.2, 0.3], dtype=torch.float64)
     place = torch.stack([torch.zeros(3).double(), torch.zeros(3).double(), DISTANCE * diameter], 1)
     start = Pose(random_rotations(3), place)
-    moved = PoseAction.of(delta).apply(start, diameter)
+    moved = PoseAction.from_delta(delta).apply_centred(start, diameter)
     points = some_points() * diameter[:, None, None]
     expected = (moved @ start.inverse()).transform(points)
     found = move_points(some_points(), DISTANCE, delta) * diameter[:, None, None]
@@ -62,7 +62,7 @@ def test_moves_in_axis_parallel_views_are_those_of_pose_action_too() -> None:
     direction = torch.tensor([[0.4, -0.3], [0.0, 0.2], [-0.5, 0.1]], dtype=torch.float64)
     place = torch.cat([direction, torch.ones(3, 1).double()], 1) * (DISTANCE * diameter)[:, None]
     start = Pose(random_rotations(3), place)
-    moved = PoseAction.of(delta).apply(start, diameter, "axis_parallel")
+    moved = PoseAction.from_delta(delta).apply_centred(start, diameter, "axis_parallel")
     shear = torch.eye(3).double().repeat(3, 1, 1)
     shear[:, :2, 2] = -direction
     points = some_points()

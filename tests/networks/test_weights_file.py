@@ -23,7 +23,9 @@ def test_a_network_comes_back_as_it_was(tmp_path: Path, depth: bool) -> None:
     assert len(loaded.sha256) == 64
     with torch.no_grad():
         observation = an_observation(1)
-        assert torch.equal(loaded.network(observation).prediction.logits, network(observation).prediction.logits)
+        assert torch.equal(
+            loaded.network(observation).prediction.logits, network(observation).prediction.logits
+        )
     assert [path.name for path in tmp_path.iterdir()] == ["a.safetensors"]
 
 
@@ -70,7 +72,7 @@ def test_a_crop_that_nobody_knows_is_refused(tmp_path: Path) -> None:
 
 def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
     network = ActionNet(ActionConfig(channels=(8, 8, 8, 8)))
-    network.decide[0].weight.data[0, 0] = float("nan")
+    network.classifier[0].weight.data[0, 0] = float("nan")
     save_network(network, tmp_path / "nan.safetensors")
     with pytest.raises(WeightsError, match="not finite"):
         load_network(tmp_path / "nan.safetensors")

@@ -20,5 +20,5 @@ class PairRecorder(pl.Callback):
     ) -> None:
         self.delta.append(batch.delta)
         weights = torch.cat([value.detach().flatten() for value in pl_module.parameters()])
-        found = {"counts": self.delta, "weights": weights}
+        found = {"delta": self.delta, "weights": weights}
         torch.save(found, self.folder / f"rank{trainer.global_rank}.pt")

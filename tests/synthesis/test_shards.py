@@ -65,7 +65,7 @@ def test_what_is_read_is_what_was_drawn(source: PairSource, whole: Path) -> None
     read = next(read_shard(shard_path(whole, 2, PLAN), 2))
     assert torch.equal(read.observation.image, drawn.observation.image)
     assert torch.allclose(read.observation.rendering, drawn.observation.rendering, atol=0.51 / 255)
-    for name in ("counts", "visible", "true_mask", "clear", "mesh", "zoom", "rotation"):
+    for name in ("delta", "visible", "true_mask", "clear", "mesh", "zoom", "rotation"):
         assert torch.equal(getattr(read, name), getattr(drawn, name)), name
     assert torch.allclose(read.true_depth, drawn.true_depth, atol=3e-4)
     assert torch.allclose(read.observation.depth, drawn.observation.depth, atol=3e-4)

@@ -38,7 +38,7 @@ def test_a_pose_beside_the_true_one_has_less(
     view = look_at(TRUTH, diameter)
     delta = torch.zeros(6, dtype=torch.float64)
     delta[axis] = sign * (2.0 if axis < 3 else 5.0)
-    beside = PoseAction.of(delta).apply(TRUTH, diameter)
+    beside = PoseAction.from_delta(delta).apply_centred(TRUTH, diameter)
     there, here = (
         tool.contrast(frame, brick, brick.outer(pose), view, make_renderer())
         for pose in (beside, TRUTH)

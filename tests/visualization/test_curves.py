@@ -22,7 +22,7 @@ def test_the_svg_is_valid_and_names_its_curves() -> None:
     root = ElementTree.fromstring(text)
     assert root.tag.endswith("svg")
     words = {"".join(node.itertext()).strip() for node in root.iter() if node.tag.endswith("text")}
-    assert {"ADD, % of d", "confidence", "steps", "frame"} <= words
+    assert {"ADD, % of d", "confidence", "iterations", "frame"} <= words
     assert curves_svg(SOME, 0.5) == text, "the same run gives the same file"
 
 

@@ -76,12 +76,12 @@ def add_tracking_options(parser: argparse.ArgumentParser) -> None:
         "--max_iterations",
         type=positive,
         metavar="N",
-        help="cycles a frame at most (default: 8, with single actions 30)",
+        help="iterations per frame at most (default: 8, with single actions 30)",
     )
     group.add_argument(
         "--single_actions",
         action="store_true",
-        help="one of the 13 actions a cycle, as in the paper, instead of all six axes at once",
+        help="one of the 13 actions per iteration, as in the paper, instead of all axes at once",
     )
     add_machine_options(group)
 
@@ -91,12 +91,12 @@ def add_beyond_paper_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--no_multi_start",
         action="store_true",
-        help="do not look around where the network does not believe the pose it came to",
+        help="no other starts while the confidence is low (multi-start refinement)",
     )
     parser.add_argument(
         "--no_contour",
         action="store_true",
-        help="leave the network's poses as they are: no fit of the outline to the colours",
+        help="no region-based refinement of the network's poses",
     )
 
 
@@ -166,14 +166,21 @@ class Setting:
     def of(args: argparse.Namespace) -> Setting:
         """By the options of `add_tracking_options`; a weights file is found from anywhere."""
         weights = None if args.weights is None else args.weights.resolve()
-        contour = not getattr(args, "no_regions", False)
+        contour = not getattr(args, "no_contour", False)
         single = getattr(args, "single_actions", False)
-        calibration = not getattr(args, "no_learning", False)
-        multi_start = not getattr(args, "no_search", False)
+        calibration = not getattr(args, "no_calibration", False)
+        multi_start = not getattr(args, "no_multi_start", False)
         return Setting(
-            weights, args.renderer, args.threads, args.max_iterations, contour, single, calibration, multi_start,
+            weights,
+            args.renderer,
+            args.threads,
+            args.max_iterations,
+            contour,
+            single,
+            calibration,
+            multi_start,
             _compute(args),
-        )  # fmt: skip
+        )
 
 
 @lru_cache(maxsize=1)

@@ -48,19 +48,24 @@ def add_parser(verbs: Any) -> None:
             "--data", type=Path, required=name != "runtime", metavar="DIR", help="data set"
         )
         one.add_argument(
-            "--format", choices=DATASET_FORMATS, help="its format, if it is not recognised",
-        )  # fmt: skip
+            "--format",
+            choices=DATASET_FORMATS,
+            help="its format, if it is not recognised",
+        )
         one.add_argument("--output", type=Path, required=True, metavar="DIR", help="for results")
         one.add_argument("--only", nargs="+", metavar="NAME", help="sequences or objects")
         one.add_argument(
-            "--frames", type=positive, metavar="N",
+            "--frames",
+            type=positive,
+            metavar="N",
             help="of a sequence: the first N of a track, else N spread evenly",
-        )  # fmt: skip
+        )
         one.add_argument(
-            "--mode", choices=("single", "all_axes"),
+            "--mode",
+            choices=("single", "all_axes"),
             help="single actions as in the paper, or all axes at once; default: the network's own"
             + (", here single" if name == "convergence" else ""),
-        )  # fmt: skip
+        )
         _add_own(one, name)
         add_tracking_options(one)
         one.set_defaults(run=run, name=name)
@@ -79,7 +84,7 @@ def _add_own(parser: argparse.ArgumentParser, name: str) -> None:
         parser.add_argument("--reading", choices=("formula", "total"), help="only this reading")
     if name == "runtime":
         parser.add_argument(
-            "--repeats", type=positive, default=512, metavar="N", help="cycles that are timed"
+            "--repeats", type=positive, default=512, metavar="N", help="iterations that are timed"
         )
     if name == "attention":
         parser.add_argument(
@@ -96,9 +101,13 @@ def _add_own(parser: argparse.ArgumentParser, name: str) -> None:
             "--rotations", type=positive, default=60, metavar="N", help="of the coarse grid"
         )
         parser.add_argument(
-            "--sizes", type=float, nargs="+", default=[0.13, 0.2, 0.3], metavar="SHARE",
+            "--sizes",
+            type=float,
+            nargs="+",
+            default=[0.13, 0.2, 0.3],
+            metavar="SHARE",
             help="widths of the object to try, in shares of the image's shorter side",
-        )  # fmt: skip
+        )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -170,9 +179,14 @@ def _tracks(
 
     def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker:
         return PoseTracker(
-            mesh, camera, start, policy=policy, renderer=renderer, max_iterations=limit,
+            mesh,
+            camera,
+            start,
+            policy=policy,
+            renderer=renderer,
+            max_iterations=limit,
             contour=False,  # the paper has no such thing
-        )  # fmt: skip
+        )
 
     kept = {k: v for k, v in facts.items() if k not in ("only", "versions")}
     kept["data"] = args.data.resolve().name
@@ -228,7 +242,11 @@ def _convergence(args: argparse.Namespace) -> Outcome:
         number = len(convergence.frames_of(video, plan))
         for found in progress(runs, number, video.name):
             trials += found
-    facts = {**_facts(args, policy, args.weights), "step": plan.step, "max_iterations": plan.max_iterations}
+    facts = {
+        **_facts(args, policy, args.weights),
+        "step": plan.step,
+        "max_iterations": plan.max_iterations,
+    }
     return convergence.outcome(trials, data, facts)
 
 
@@ -248,9 +266,16 @@ def _runtime(args: argparse.Namespace) -> Outcome:
     assert mesh is not None
     policy, renderer = _tools(args, args.weights, args.mode)
     count = args.repeats + WARM_UP
-    times = time_cycle(mesh, policy, renderer, progress(range(count), count, "cycle", "cycle"))
-    facts = {**_facts(args, policy, args.weights), "object": mesh.name, "faces": len(mesh.faces),
-             "threads": args.threads, "cycles": args.repeats}  # fmt: skip
+    times = time_cycle(
+        mesh, policy, renderer, progress(range(count), count, "iteration", "iteration")
+    )
+    facts = {
+        **_facts(args, policy, args.weights),
+        "object": mesh.name,
+        "faces": len(mesh.faces),
+        "threads": args.threads,
+        "iterations": args.repeats,
+    }
     return runtime.outcome(times, tracks, data, facts)
 
 
@@ -271,19 +296,24 @@ def _attention(args: argparse.Namespace) -> Outcome:
 
 
 def _detection(args: argparse.Namespace) -> Outcome:
-    from ..estimation import PoseDetector, DetectorConfig
+    from ..estimation import DetectorConfig, PoseDetector
     from ..evaluation.reproduce import detection
 
     videos, data = _opened(args)
     policy, renderer = _tools(args, args.weights, args.mode)
-    multi_start = DetectorConfig(tuple(args.sizes), args.poses, args.sinks, args.rotations)
+    config = DetectorConfig(tuple(args.sizes), args.poses, args.sinks, args.rotations)
     detectors = {
         video.name: PoseDetector(
-            video.load_mesh(), video.camera, criterion="steps", multi_start=multi_start, policy=policy,
-            renderer=renderer, max_iterations=args.max_iterations,
+            video.load_mesh(),
+            video.camera,
+            criterion="iterations",
+            config=config,
+            policy=policy,
+            renderer=renderer,
+            max_iterations=args.max_iterations,
         )
         for video in videos
-    }  # fmt: skip
+    }
     trials, example = [], None
     frames = args.frames or 1
     runs = detection.run(videos, detectors, frames)
@@ -296,7 +326,11 @@ def _detection(args: argparse.Namespace) -> Outcome:
     if example is None:
         raise InputError(f"{args.data}: no frame with a true pose could be read.")
     limit = next(iter(detectors.values())).max_iterations
-    facts = {**_facts(args, policy, args.weights), "max_iterations": limit, "search": vars(multi_start)}
+    facts = {
+        **_facts(args, policy, args.weights),
+        "max_iterations": limit,
+        "detector": vars(config),
+    }
     return detection.outcome(trials, example, data, facts)
 
 

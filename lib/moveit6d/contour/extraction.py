@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Float64 = NDArray[np.float64]
+from ..typing import Float64, Mask
 
 SMOOTH = 2.0  # pixels over which the direction of the outline is averaged
 
@@ -29,7 +29,7 @@ class Contour:
     lengths: Float64
 
 
-def find_contour(mask: NDArray[np.bool_], number: int) -> Contour | None:
+def find_contour(mask: Mask, number: int) -> Contour | None:
     """At most `number` points along the outlines of a mask (H, W), holes included; None if none.
 
     The true outline crosses the grid anywhere between two neighbours, so that the middle between
@@ -56,7 +56,7 @@ def find_contour(mask: NDArray[np.bool_], number: int) -> Contour | None:
     return Contour(points[good], normals, inside[good], lengths / lengths.mean())
 
 
-def _borders(mask: NDArray[np.bool_]) -> tuple[Float64, NDArray[np.intp]]:
+def _borders(mask: Mask) -> tuple[Float64, NDArray[np.intp]]:
     """Middles (N, 2) between neighbours of which one is inside, and the pixels inside (N, 2)."""
     points, inside = [], []
     for down, right in ((0, 1), (1, 0)):

@@ -12,8 +12,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-Float = NDArray[np.float32]
-Image8 = NDArray[np.uint8]
+from ..typing import Float32, Mask, RGBImage
 
 BINS = 32  # a channel
 BLUR = 1.0  # bins: colours that nobody has seen yet lie beside colours that were
@@ -27,8 +26,8 @@ SUREST = 0.02  # what a single pixel may be wrong with at least
 class ColourHistograms:
     """Densities (BINS³,) of colours on the object and beside it; each sums to 1."""
 
-    inside: Float
-    outside: Float
+    inside: Float32
+    outside: Float32
 
     def blend(self, new: ColourHistograms, rate: float) -> ColourHistograms:
         """These colours, a part `rate` of them forgotten for the new ones."""
@@ -37,7 +36,7 @@ class ColourHistograms:
             self.outside + np.float32(rate) * (new.outside - self.outside),
         )
 
-    def log_odds(self, patch: Image8, seen: NDArray[np.bool_]) -> Float:
+    def log_odds(self, patch: RGBImage, seen: Mask) -> Float32:
         """Logarithm of how much likelier each pixel (H, W, 3) is the object's: (H, W).
 
         Both are as likely before its colour is known. 0 where nothing is `seen` (H, W).
@@ -45,13 +44,11 @@ class ColourHistograms:
         share = (self.inside + RARE) / (self.inside + self.outside + 2 * RARE)
         share = SUREST + (1 - 2 * SUREST) * share
         table = np.log(share / (1 - share)).astype(np.float32)
-        odds: Float = np.where(seen, table[colour_bins(patch)], np.float32(0))
+        odds: Float32 = np.where(seen, table[colour_bins(patch)], np.float32(0))
         return odds
 
 
-def estimate_histograms(
-    patch: Image8, mask: NDArray[np.bool_], seen: NDArray[np.bool_]
-) -> ColourHistograms | None:
+def estimate_histograms(patch: RGBImage, mask: Mask, seen: Mask) -> ColourHistograms | None:
     """The colours of a patch (H, W, 3) in the bands along the outline of a mask (H, W).
 
     Only pixels that are `seen` (H, W) count; None if there are too few on either side.
@@ -69,14 +66,14 @@ def estimate_histograms(
     return ColourHistograms(_density(bins[bands[0]]), _density(bins[bands[1]]))
 
 
-def colour_bins(patch: Image8) -> NDArray[np.int32]:
+def colour_bins(patch: RGBImage) -> NDArray[np.int32]:
     """The bin of each pixel: (..., 3) → (...)."""
     r, g, b = np.moveaxis(patch.astype(np.int32) * BINS >> 8, -1, 0)
     bins: NDArray[np.int32] = (r * BINS + g) * BINS + b
     return bins
 
 
-def _density(bins: NDArray[np.int32]) -> Float:
+def _density(bins: NDArray[np.int32]) -> Float32:
     """How common each colour is, blurred in all three channels."""
     counts = np.bincount(bins, minlength=BINS**3).astype(np.float32)
     # By torch, whose threads are limited; NumPy's wait for each other where cores are busy.

@@ -1,4 +1,4 @@
-"""The last word on a pose: Gauss–Newton on the lines across the outline, held by a prior.
+"""Region-based refinement of a pose: Gauss–Newton on correspondence lines, with a prior.
 
 Never remembers anything between two calls and never knows a network. SRT3D, Stoiber et al., IJCV
 2022; the prior is ours: outlines do not fix everything, and who proposed the pose knew more.
@@ -10,27 +10,27 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE, View, crop_patch, look_at, patch_to_image
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..rendering.renderer import Renderer
-from .histograms import ColourHistograms, Float, Image8, estimate_histograms
+from ..typing import Float32, Float64, Mask, RGBImage
 from .correspondence_lines import REACH, contour_distances
-from .extraction import Float64, Contour, find_contour
+from .extraction import Contour, find_contour
+from .histograms import ColourHistograms, estimate_histograms
 
 # All numbers were chosen on made sequences of training objects that were held out.
 SCALES = ((2, 2), (1, 1))  # pixels a segment of the lines; one rendering for each pair
 POINTS = 200  # of the outline
 FEWEST = 20  # points without which nothing is done
-# How far the given pose may be off, counts: what outlines say counts less the smaller these are.
+# How far the given pose may be off, in units: what contours say weighs less the smaller these are.
 SPREAD = np.array([0.4, 0.4, 0.9, 0.9, 0.9, 0.6])
 ALIKE = 5.0  # neighbouring lines err alike: so many of them count as one
 FAR = 3.0  # pixels beyond which a line is hardly believed: something covers the outline there
-LIMIT = 5.0  # counts a step
-TOO_FAR = 8.0  # counts in all, after which the given pose is kept
+LIMIT = 5.0  # units a step
+TOO_FAR = 8.0  # units in all, after which the given pose is kept
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class ContourRefinement:
     """A pose after the refinement, and what the image teaches there.
 
     `pose` is unbatched, centred and float64; `agreement` in [0, 1] is the share of the outline
-    where the colours change sharply and in the right place; `colours` are the image's own at that
-    pose, None if there is too little to see.
+    where the colours change sharply and in the right place; `histograms` are the image's own at
+    that pose, None if there is too little to see.
     """
 
     pose: Pose
@@ -51,7 +51,7 @@ class ContourRefinement:
 class _Place:
     """Where the object stands in the virtual camera of the given pose, and how far from there.
 
-    `moved` (6,) are the counts so far; steps this small add up. Plain arrays: torch would spend
+    `moved` (6,) is the delta so far; steps this small add up. Plain arrays: torch would spend
     longer on a dozen numbers than all the rest takes.
     """
 
@@ -60,7 +60,7 @@ class _Place:
     moved: Float64  # (6,)
 
     def step(self, delta: Float64, focal: float) -> _Place:
-        """The place after a move by counts (6,), as `PoseAction.apply` has it."""
+        """The place after an update by a delta (6,), as `PoseAction.apply_centred` has it."""
         import cv2
 
         turn = cv2.Rodrigues(np.deg2rad(delta[3:]))[0]
@@ -80,15 +80,15 @@ class _Sight:
     mesh: Mesh
     renderer: Renderer
     view: View
-    patch: Image8  # (H, W, 3)
-    seen: NDArray[np.bool_]  # (H, W), False outside of the image
+    patch: RGBImage  # (H, W, 3)
+    seen: Mask  # (H, W), False outside of the image
 
     def place(self, pose: Pose) -> _Place:
         """A centred pose of the real camera, from which nothing has moved yet."""
         virtual = self.view.to_virtual(pose)
         return _Place(virtual.rotation.numpy(), virtual.translation.numpy(), np.zeros(6))
 
-    def render(self, place: _Place) -> tuple[NDArray[np.bool_], Float]:
+    def render(self, place: _Place) -> tuple[Mask, Float32]:
         """Mask and depth (H, W)."""
         pose = place.pose()
         buffer = self.renderer.render(
@@ -100,9 +100,13 @@ class _Sight:
 
 
 def refine_contour(
-    image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: Renderer,
+    image: Tensor,
+    intrinsics: Tensor,
+    mesh: Mesh,
+    pose: Pose,
+    renderer: Renderer,
     histograms: ColourHistograms | None = None,
-) -> ContourRefinement:  # fmt: skip
+) -> ContourRefinement:
     """Fit the outline of a mesh near a centred pose to an image (3, H, W).
 
     `colours` are what the object and its surroundings looked like before; without them those of
@@ -147,26 +151,33 @@ def _look(image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: R
     patch = crop_patch(image, view, intrinsics)
     picture = (patch * 255).round().clamp(0, 255).to(torch.uint8).permute(1, 2, 0).numpy()
     return _Sight(
-        mesh, renderer, view, np.ascontiguousarray(picture),
+        mesh,
+        renderer,
+        view,
+        np.ascontiguousarray(picture),
         _seen(patch_to_image(view, intrinsics).numpy(), *image.shape[-2:]),
-    )  # fmt: skip
+    )
 
 
-def _seen(back: Float64, height: int, width: int) -> NDArray[np.bool_]:
+def _seen(back: Float64, height: int, width: int) -> Mask:
     """Which pixels of the patch (H, W) lie in the image, to which `back` (3, 3) takes them."""
     line = np.arange(PATCH_SIZE)
     rows = back[:, 1, None] * line + back[:, 2, None]
     x, y, z = rows[:, :, None] + (back[:, 0, None] * line)[:, None]
     right, bottom = (width - 0.5) * z, (height - 0.5) * z
     across, down = (x >= -0.5 * z) & (x <= right), (y >= -0.5 * z) & (y <= bottom)
-    seen: NDArray[np.bool_] = (z > 0) & across & down
+    seen: Mask = (z > 0) & across & down
     return seen
 
 
 def _fit(
-    odds: Float, contour: Contour, depth: Float, place: _Place, focal: float,
+    odds: Float32,
+    contour: Contour,
+    depth: Float32,
+    place: _Place,
+    focal: float,
     scales: tuple[int, ...],
-) -> tuple[_Place, float]:  # fmt: skip
+) -> tuple[_Place, float]:
     """The place after one step a scale, with the outline of one rendering; and the agreement."""
     middle = (PATCH_SIZE - 1) / 2
     z = depth[tuple(contour.inside.T)].astype(np.float64)
@@ -187,9 +198,9 @@ def _fit(
 
 
 def _solve(slope: Float64, weight: Float64, mean: Float64, moved: Float64) -> Float64:
-    """Counts (6,) that fit displacements (N,) and stay near the given pose, `moved` (6,) away.
+    """The delta (6,) that fits displacements (N,) and stays near the given pose, `moved` (6,) away.
 
-    `slope` (N, 6) is how the displacements change with the counts.
+    `slope` (N, 6) is how the displacements change with the delta.
     """
     weighted = slope * weight[:, None]
     prior = SPREAD**-2.0
@@ -199,7 +210,7 @@ def _solve(slope: Float64, weight: Float64, mean: Float64, moved: Float64) -> Fl
 
 
 def jacobian(points: Float64, centre: Float64, focal: float) -> Float64:
-    """Derivative of the pixels of points (N, 3) by the six counts: (N, 2, 6).
+    """Derivative of the pixels of points (N, 3) by the pose delta: (N, 2, 6).
 
     Points and the object's centre (3,) are in the virtual camera's frame, metres.
     """

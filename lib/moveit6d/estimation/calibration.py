@@ -19,19 +19,17 @@ from .frame import Frame
 from .refine import FINE_SCALE, Target, out_of_sight, refine_batch
 
 PAIRS = 4  # starts on either side of the known pose
-# How far they lie from it, counts: errors at one single pose are half noise.
+# How far they lie from it, in units: errors at one single pose are half noise.
 AROUND = (1.0, 1.0, 1.0, 1.5, 1.5, 1.5)
 LASTING = 0.6  # of what is found in one frame; the rest belongs to that frame's view of the object
-MOST = 3.0  # counts: more than that is no bias but a pose that is not exact, or something in front
+MOST = 3.0  # units: more than that is no bias but a pose that is not exact, or something in front
 
 
-def depth_bias(
-    frame: Frame, mesh: Mesh, pose: Pose, policy: Policy, renderer: Renderer
-) -> float:  # fmt: skip
-    """By how many counts t_z the policy's moves will lead past the object in later frames.
+def depth_bias(frame: Frame, mesh: Mesh, pose: Pose, policy: Policy, renderer: Renderer) -> float:
+    """By how many units of t_z the policy's updates will lead past the object in later frames.
 
     Read in a frame where the pose is exact (mesh file's frame); at most `MOST` either way. 0 for a
-    policy of single actions: it has no counts that could be corrected.
+    policy of single actions: it has no delta that could be corrected.
     """
     if policy.mode is ActionMode.SINGLE:
         return 0.0
@@ -39,7 +37,7 @@ def depth_bias(
     diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
     offsets = np.random.default_rng(0).normal(size=(PAIRS, 6)) * AROUND
     starts = [
-        PoseAction.of(torch.from_numpy(offset)).apply(centred, diameter)
+        PoseAction.from_delta(torch.from_numpy(offset)).apply_centred(centred, diameter)
         for offset in np.concatenate([offsets, -offsets])
     ]
     targets = [

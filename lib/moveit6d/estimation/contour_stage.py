@@ -14,10 +14,13 @@ from .frame import prepare_frame
 from .refine import Target, TrackingResult
 
 
-def contour_stage(
-    target: Target, result: TrackingResult, renderer: Renderer, histograms: ColourHistograms | None = None
+def refine_result(
+    target: Target,
+    result: TrackingResult,
+    renderer: Renderer,
+    histograms: ColourHistograms | None = None,
 ) -> tuple[TrackingResult, ColourHistograms | None]:
-    """The result for a target with its pose polished, and the colours of the image there.
+    """The result for a target after contour refinement, and the colour histograms there.
 
     `colours` are those of frames before; without them the image's own must do. A failed result
     stays as it is.
@@ -27,7 +30,9 @@ def contour_stage(
     begin = time.perf_counter()
     frame = prepare_frame(target.image, target.camera)
     given = target.mesh.inner(result.pose)
-    found = refine_contour(frame.pixels, frame.camera.matrix(), target.mesh, given, renderer, histograms)
+    found = refine_contour(
+        frame.pixels, frame.camera.matrix(), target.mesh, given, renderer, histograms
+    )
     spent = (time.perf_counter() - begin) * 1e3
     pose, milliseconds = target.mesh.outer(found.pose), result.milliseconds + spent
     return replace(result, pose=pose, milliseconds=milliseconds), found.histograms

@@ -1,6 +1,6 @@
 """The pose of an object in one frame without any start: seeds, sinks, a coarse rotation grid.
 
-Never needs another network or a true pose. Paper, "Initialization & Detection"; METHOD 7.
+Never needs another network or a true pose. Paper, "Initialization & Detection"; docs/method.md.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ BATCH = 32  # loops that run side by side
 class SelectionCriterion(StrEnum):
     """How the best of the candidates is told."""
 
-    ITERATIONS = "steps"  # the paper: the fewest steps to stop; among equals the shortest way
-    CONFIDENCE = "confidence"  # the policy's own belief in the pose that it ended at
+    ITERATIONS = "iterations"  # the paper: the fewest iterations; among equals the shortest path
+    CONFIDENCE = "confidence"  # the policy's confidence in the last pose
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ class DetectorConfig:
 class Candidate:
     """A pose of the rotation grid and where the loop took it.
 
-    `start` is in the mesh file's frame; `way` the sum of the six absolute counts from start to end,
-    which is how many single actions the move amounts to (infinite without a pose).
+    `start` is in the mesh file's frame; `path_length` the sum of the absolute pose delta from start
+    to end, which is how many single actions it amounts to (infinite without a pose).
     """
 
     sink: Sink
@@ -109,12 +109,12 @@ class PoseDetector:
     Args:
         mesh: the object.
         camera: the camera, lens distortion included if it has any.
-        judge: how the best candidate is told, see `Judge`.
-        search: how thoroughly to look.
+        criterion: how the best candidate is chosen, see `SelectionCriterion`.
+        config: how thoroughly to search.
         policy: who decides; the shipped network if None.
         renderer: the back end; embree if None.
-        max_steps: limit of cycles of each candidate; if None `MAX_ITERATIONS` of the policy's mode, but
-            the paper's 30 for judge `steps`, which must see the loops end by themselves.
+        max_iterations: limit for each candidate; if None `MAX_ITERATIONS` of the policy's mode, but
+            the paper's 30 for criterion `iterations`, which must see the loops end by themselves.
     """
 
     def __init__(
@@ -129,7 +129,10 @@ class PoseDetector:
         max_iterations: int | None = None,
     ) -> None:
         if criterion not in list(SelectionCriterion):
-            raise InputError(f"There is no judge {judge!r}; choose one of {', '.join(Judge)}.")
+            raise InputError(
+                f"There is no selection criterion {criterion!r}; choose one of "
+                f"{', '.join(SelectionCriterion)}."
+            )
         self.mesh, self.camera, self.max_iterations = mesh, camera, max_iterations
         self.criterion, self.config = SelectionCriterion(criterion), config or DetectorConfig()
         if max_iterations is None and self.criterion is SelectionCriterion.ITERATIONS:
@@ -216,7 +219,7 @@ def strongest(sinks: Sequence[Sink], count: int) -> tuple[tuple[Sink, ...], ...]
 
 
 def best_of(candidates: Sequence[Candidate], criterion: SelectionCriterion) -> Candidate | None:
-    """The best candidate that has a pose, by the judge; None if there is none."""
+    """The best candidate that has a pose, by the criterion; None if there is none."""
     alive = [one for one in candidates if one.result.pose is not None]
     if not alive:
         return None

@@ -12,12 +12,12 @@ from typing import Any
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..policies import ActionMode, Policy, TestTimeAugmentation, load_policy
+from ..policies import ActionMode, DihedralAugmentation, Policy, load_policy
 from ..rendering.renderer import Renderer, make_renderer
+from .contour_stage import refine_result
 from .frame import prepare_frame
-from .contour_stage import contour_stage
-from .refine import Target, TrackingResult, refine_batch
 from .multi_start import refine_multi_start
+from .refine import Target, TrackingResult, refine_batch
 
 
 class PoseEstimator:
@@ -28,9 +28,9 @@ class PoseEstimator:
         camera: the camera, lens distortion included if it has any.
         policy: who decides; the shipped network if None.
         renderer: the back end; embree if None.
-        max_steps: limit of cycles; `MAX_ITERATIONS` of the policy's mode if None.
-        search: where the network does not believe its end, start from places around as well.
-        regions: after the policy's moves, fit the outline to where the object's colours end.
+        max_iterations: `MAX_ITERATIONS` of the policy's mode if None.
+        multi_start: while the confidence is low, refine from perturbed starts as well.
+        contour: region-based refinement of the pose after the policy's iterations.
     """
 
     def __init__(
@@ -56,19 +56,28 @@ class PoseEstimator:
         """
         target = Target(prepare_frame(image, self.camera), self.camera, self.mesh, pose)
         return refine_single(
-            [target], policy=self.policy, renderer=self.renderer, max_iterations=self.max_iterations,
-            multi_start=self.multi_start, contour=self.contour,
-        )[0]  # fmt: skip
+            [target],
+            policy=self.policy,
+            renderer=self.renderer,
+            max_iterations=self.max_iterations,
+            multi_start=self.multi_start,
+            contour=self.contour,
+        )[0]
 
 
 def refine_single(
-    targets: Sequence[Target], *, policy: Policy, renderer: Renderer,
-    max_iterations: int | None = None, multi_start: bool = True, contour: bool = True,
-) -> list[TrackingResult]:  # fmt: skip
+    targets: Sequence[Target],
+    *,
+    policy: Policy,
+    renderer: Renderer,
+    max_iterations: int | None = None,
+    multi_start: bool = True,
+    contour: bool = True,
+) -> list[TrackingResult]:
     """`PoseEstimator.refine` for many targets at once, of any objects and images.
 
     Where the loop ends, a policy of all axes has one more close look, at the picture laid in all
-    ways (`TestTimeAugmentation`): a video has other frames to average over, a single image has not.
+    ways (`DihedralAugmentation`): a video has other frames to average over, a single image has not.
     """
     refine = refine_multi_start if multi_start else refine_batch
     results = refine(targets, policy=policy, renderer=renderer, max_iterations=max_iterations)
@@ -77,7 +86,7 @@ def refine_single(
     if not contour:
         return results
     return [
-        contour_stage(target, result, renderer)[0]
+        refine_result(target, result, renderer)[0]
         for target, result in zip(targets, results, strict=True)
     ]
 
@@ -93,12 +102,18 @@ def _look_again(
         if result.pose is not None
     ]
     again = refine_batch(
-        [end for _, end in ends], policy=TestTimeAugmentation(policy), renderer=renderer, max_iterations=1
+        [end for _, end in ends],
+        policy=DihedralAugmentation(policy),
+        renderer=renderer,
+        max_iterations=1,
     )
     for (i, _), look in zip(ends, again, strict=True):
         if look.pose is not None:
             found[i] = replace(
-                found[i], pose=look.pose, confidence=look.confidence, iterations=found[i].iterations + 1,
+                found[i],
+                pose=look.pose,
+                confidence=look.confidence,
+                iterations=found[i].iterations + 1,
                 milliseconds=found[i].milliseconds + look.milliseconds,
-            )  # fmt: skip
+            )
     return found

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..policies import ActionMode, Policy
 from ..rendering.renderer import Renderer
-from .track_state import HIGH_CONFIDENCE, PerturbationConfig, sample_perturbation
 from .refine import Target, TrackingResult, out_of_sight, refine_batch
+from .track_state import HIGH_CONFIDENCE, PerturbationConfig, sample_perturbation
 
 BATCH = 32  # starts at once: memory
 
@@ -26,7 +26,11 @@ ROUNDS = 2
 
 
 def refine_multi_start(
-    targets: Sequence[Target], *, policy: Policy, renderer: Renderer, max_iterations: int | None = None
+    targets: Sequence[Target],
+    *,
+    policy: Policy,
+    renderer: Renderer,
+    max_iterations: int | None = None,
 ) -> list[TrackingResult]:
     """`refine_batch` for single images, and a search for every target whose end is in doubt."""
     results = refine_batch(targets, policy=policy, renderer=renderer, max_iterations=max_iterations)
@@ -38,7 +42,9 @@ def refine_multi_start(
             _others(*one) if one[1].confidence < HIGH_CONFIDENCE else []
             for one in zip(targets, results, random, strict=True)
         ]
-        results = most_confident(results, others, policy=policy, renderer=renderer, max_iterations=max_iterations)
+        results = most_confident(
+            results, others, policy=policy, renderer=renderer, max_iterations=max_iterations
+        )
     return results
 
 
@@ -64,7 +70,9 @@ def most_confident(
     starts = [(i, target) for i, some in enumerate(others) for target in some]
     for first in range(0, len(starts), BATCH):
         owners, targets = zip(*starts[first : first + BATCH], strict=True)
-        ends = refine_batch(targets, policy=policy, renderer=renderer, max_iterations=max_iterations)
+        ends = refine_batch(
+            targets, policy=policy, renderer=renderer, max_iterations=max_iterations
+        )
         for i, end in zip(owners, ends, strict=True):
             if end.pose is not None and end.confidence > found[i].confidence:
                 found[i] = end
@@ -83,10 +91,12 @@ def _others(target: Target, result: TrackingResult, random: np.random.Generator)
     return others
 
 
-def perturbed_targets(target: Target, config: PerturbationConfig, random: np.random.Generator) -> Iterator[Target]:
+def perturbed_targets(
+    target: Target, config: PerturbationConfig, random: np.random.Generator
+) -> Iterator[Target]:
     """The target from places around its pose, as far as the camera can see the object there."""
     mesh = target.mesh
     for _ in range(config.count):
         pose = sample_perturbation(mesh, target.pose, random, config)
         if out_of_sight(mesh.inner(pose).translation, mesh.sphere_diameter, target.camera) is None:
-            yield replace(target, pose=pose, fine=config.close)
+            yield replace(target, pose=pose, fine=config.fine)

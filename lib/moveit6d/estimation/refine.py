@@ -1,6 +1,6 @@
-"""The action decision process: crop, render, decide, move, until a stop rule ends it.
+"""The action decision process: crop, render, predict, update, until a stop rule ends it.
 
-Never knows a network, only the policy protocol. Paper, section "Method"; METHOD 6.
+Never knows a network, only the policy protocol. Paper, section "Method"; docs/method.md.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from ..geometry.mesh import Mesh, sphere_diameters
 from ..geometry.pose import Pose
 from ..networks.policy_output import PolicyOutput
 from ..observation import Observation, observe
-from ..policies import ActionMode, Policy, LoopState, to_action
+from ..policies import ActionMode, LoopState, Policy, to_action
 from ..rendering.renderer import Renderer
 from .frame import Frame, prepare_frame
 from .localizability import localizability
 
-# Cycles at most: the paper's limit for single steps. With all axes at once, of 160 rendered cases
-# of held-out training objects, far starts and a third covered, 74.4, 76.9 and 76.2 % end below 10 %
-# of the diameter with six, eight and eleven; from small disturbances they are the same.
+# Iterations at most: the paper's limit for single steps. With all axes at once, of 160 rendered
+# cases of held-out training objects, far starts and a third covered, 74.4, 76.9 and 76.2 % end
+# below 10 % of the diameter with six, eight and eleven; from small disturbances they are the same.
 MAX_ITERATIONS = {ActionMode.SINGLE: 30, ActionMode.ALL_AXES: 8}
-# A real-valued policy that has come close looks closely: the middle of the object, so many times
+# Coarse to fine: near the object a real-valued policy sees its middle, so many times
 # larger, in which what is left of the error is as many times larger too.
 FINE_SCALE = 1.6
-FINE_THRESHOLD = 5.0  # counts on every axis that the last move may have had to call it close
+FINE_THRESHOLD = 5.0  # units on every axis: a delta below this enters the fine stage
 NEAREST = 0.55  # distance in sphere diameters under which the camera would be inside the object
 
 
@@ -52,7 +52,7 @@ class Target:
     """One object to look for in one image; the pose is in the mesh file's frame.
 
     `image` is RGB (H, W, 3), or a `Frame` if several targets or loops share it; `depth_bias` are
-    the counts t_z that the policy is known to be off by when it looks closely (`calibration`);
+    the units of t_z that the policy is known to be off by in the fine stage (`calibration`);
     `close` says that the pose is so near that it should do that at once.
     """
 
@@ -69,8 +69,8 @@ class TrackingResult:
     """The outcome of a loop.
 
     `pose` is unbatched float64 in the mesh file's frame, None if it failed; `confidence` in [0, 1]
-    is the policy's belief that the pose looks right, `precision` in [0, 1] the chance that one that
-    does is right (`precision`); `milliseconds` passed until this object was done.
+    is the policy's belief that the pose looks right, `localizability` in [0, 1] the chance that one
+    that does is right (`precision`); `milliseconds` passed until this object was done.
     """
 
     pose: Pose | None
@@ -93,35 +93,40 @@ def refine_batch(
     policy: Policy,
     renderer: Renderer,
     max_iterations: int | None = None,
-    step: float = 1.0,
+    step_size: float = 1.0,
     groups: Sequence[int] | None = None,
 ) -> list[TrackingResult]:
-    """Run the loop for all targets at once, one batch a cycle; each ends by its own stop rule.
+    """Refine all targets at once, one batch per iteration; each ends by its own stop rule.
 
-    A policy of all six axes looks closely (`FINE_SCALE`) once it has come close, and before it stops.
-    `max_iterations` is the limit of cycles, `MAX_ITERATIONS` of the policy's mode if None; `step` is the
-    length of single actions. `groups` numbers targets that are several starts for one object: after
-    the first cycle only the most confident of each group goes on, and the results are one a group,
-    in the order of the targets. Raises `InputError` if an image does not fit its camera or a start
-    pose is out of sight.
+    A policy of all six axes enters the fine stage (`FINE_SCALE`) once the delta is small, and
+    before it stops. `max_iterations` is `MAX_ITERATIONS` of the policy's mode if None; `step_size`
+    is the length of single actions. `groups` numbers targets that are several starts for one
+    object: after the first iteration only the most confident of each group goes on, and the results
+    are one per group, in the order of the targets. Raises `InputError` if an image does not fit its
+    camera or a start pose is out of sight.
     """
     if not targets:
         return []
     limit = MAX_ITERATIONS[policy.mode] if max_iterations is None else max_iterations
-    found = _loops(targets, policy, renderer, limit, step, groups)
+    found = _loops(targets, policy, renderer, limit, step_size, groups)
     # Tensors made in inference mode are no use for anybody who wants gradients of a pose.
     return [
         replace(one, pose=Pose(one.pose.rotation.clone(), one.pose.translation.clone()))
-        if one.pose is not None else one
+        if one.pose is not None
+        else one
         for one in found
-    ]  # fmt: skip
+    ]
 
 
 @torch.inference_mode()  # half the time of small tensors' arithmetic is autograd's
 def _loops(
-    targets: Sequence[Target], policy: Policy, renderer: Renderer, limit: int, step: float,
+    targets: Sequence[Target],
+    policy: Policy,
+    renderer: Renderer,
+    limit: int,
+    step_size: float,
     groups: Sequence[int] | None,
-) -> list[TrackingResult]:  # fmt: skip
+) -> list[TrackingResult]:
     """`refine_batch`, one result for each target, or one for each group."""
     begin = time.perf_counter()
     batch = _Batch.of(targets)
@@ -130,7 +135,9 @@ def _loops(
     results: list[TrackingResult | None] = [None] * len(targets)
     active = torch.arange(len(targets))
     coarse_to_fine = policy.mode is ActionMode.ALL_AXES
-    scale = torch.tensor([FINE_SCALE if coarse_to_fine and target.close else 1.0 for target in targets])
+    scale = torch.tensor(
+        [FINE_SCALE if coarse_to_fine and target.fine else 1.0 for target in targets]
+    )
     objects = active if groups is None else torch.as_tensor(groups)
     for iteration in range(1, limit + 1):
         if not len(active):
@@ -140,12 +147,16 @@ def _loops(
         observation = batch.observe(active, current, diameter, renderer, policy.crop)
         prediction = policy.predict(observation, LoopState(current, diameter, objects[active]))
         prediction = _corrected(prediction, batch.depth_bias[active] * fine)
-        action = to_action(prediction, policy.mode, step)
-        moved = action.apply(current, diameter, policy.crop)
+        action = to_action(prediction, policy.mode, step_size)
+        moved = action.apply_centred(current, diameter, policy.crop)
         going = []
         for row, i in enumerate(active.tolist()):
             end = trajectories[i].add(moved[row], diameter[row], action, prediction.confidence, row)
-            if coarse_to_fine and not fine[row] and _reaches_fine_stage(action, row, end, limit - iteration):
+            if (
+                coarse_to_fine
+                and not fine[row]
+                and _reaches_fine_stage(action, row, end, limit - iteration)
+            ):
                 scale[i], end = FINE_SCALE, None
                 trajectories[i].start_fine_stage()
             if end is None and iteration == limit:
@@ -164,7 +175,7 @@ def _loops(
 
 
 def _reaches_fine_stage(action: PoseAction, row: int, end: StopReason | None, left: int) -> bool:
-    """Whether to look closely after a move: `left` cycles are left, `end` is why it would end."""
+    """Whether to enter the fine stage: `left` iterations are left, `end` is why it would end."""
     if end is StopReason.FAILED:
         return False
     near = end is not None or bool(action.delta[row].abs().max() < FINE_THRESHOLD)
@@ -180,7 +191,7 @@ def _replaced(poses: Pose, index: Tensor, moved: Pose) -> Pose:
 
 
 def _corrected(prediction: PolicyOutput, depth_bias: Tensor) -> PolicyOutput:
-    """The decision without what is known to be wrong with its counts t_z."""
+    """The prediction with the depth bias taken off its delta."""
     if prediction.delta is None:
         return prediction
     delta = prediction.delta.clone()
@@ -189,12 +200,11 @@ def _corrected(prediction: PolicyOutput, depth_bias: Tensor) -> PolicyOutput:
 
 
 def _best(groups: Sequence[int], trajectories: Sequence[_Trajectory]) -> set[int]:
-    """The target of each group whose first move the policy believes most; failures come last."""
+    """The target of each group with the most confident first iteration; failures come last."""
     members: dict[int, list[int]] = {}
     for i, group in enumerate(groups):
         members.setdefault(group, []).append(i)
-    return {max(some, key=lambda i: trajectories[i].belief)
-            for some in members.values()}  # fmt: skip
+    return {max(some, key=lambda i: trajectories[i].belief) for some in members.values()}
 
 
 @dataclass(frozen=True)
@@ -266,11 +276,11 @@ class _Trajectory:
     def add(
         self, pose: Pose, diameter: Tensor, action: PoseAction, confidence: Tensor, row: int
     ) -> StopReason | None:
-        """Record the pose after a move; the reason to stop now, if there is one.
+        """Record the pose after an update; the reason to stop now, if there is one.
 
         `diameter` is that of the sphere, metres, that filled the patch.
         """
-        self.error = "a move led to numbers that are not finite"
+        self.error = "an update led to numbers that are not finite"
         if torch.isfinite(pose.translation).all():
             reach = self.mesh.sphere_diameter
             self.error = out_of_sight(pose.translation, reach, self.camera) or ""
@@ -288,7 +298,7 @@ class _Trajectory:
         return StopReason.REVISITED
 
     def start_fine_stage(self) -> None:
-        """Begin anew where the trail has come to: what counts as the same pose is finer now."""
+        """Forget the poses so far: in the fine stage the same pose means a smaller difference."""
         self.poses, self.confidences, self.best = [], [], -1
 
     def _revisited(self, pose: Pose, diameter: Tensor) -> int | None:
@@ -312,7 +322,9 @@ class _Trajectory:
         pose = self.mesh.outer(self.poses[self.best])
         confidence = self.confidences[self.best]
         certain = localizability(pose, self.mesh, self.camera)
-        return TrackingResult(pose, iterations, reason, confidence, milliseconds, localizability=certain)
+        return TrackingResult(
+            pose, iterations, reason, confidence, milliseconds, localizability=certain
+        )
 
 
 def check_start(pose: Pose, mesh: Mesh, camera: Camera) -> None:

@@ -1,8 +1,9 @@
 """Seeds over an image: where one iteration at each of them wants to go, and where that leads.
 
-Never refines a pose and never knows a true one. Paper, "Initialization & Detection"; METHOD 7. The
-vectors point *toward* the object, so the field converges there: with the usual sign its divergence
-is most negative at the object, and what the paper calls the maximum of W is the maximum of −∇·V.
+Never refines a pose and never knows a true one. Paper, "Initialization & Detection";
+docs/method.md. The vectors point *toward* the object, so the field converges there: with the usual
+sign its divergence is most negative at the object, and what the paper calls the maximum of W is the
+maximum of −∇·V.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..networks.policy_output import PolicyOutput
 from ..observation import Observation, observe
-from ..policies import ActionMode, Policy, LoopState
+from ..policies import ActionMode, LoopState, Policy
 from ..rendering.renderer import GBuffer, Renderer
 from .frame import Frame
 
@@ -139,7 +140,7 @@ def seed_poses(
 
 
 def planar_move(prediction: PolicyOutput, mode: ActionMode) -> Tensor:
-    """What a decision says of t_x and t_y: (B, 2), only the direction has a meaning."""
+    """What a prediction says of t_x and t_y: (B, 2), only the direction has a meaning."""
     if mode is ActionMode.ALL_AXES and prediction.delta is not None:
         return prediction.delta[:, :2].to(torch.float64)
     odds = torch.softmax(prediction.logits.to(torch.float64), -1)

@@ -1,6 +1,6 @@
 """Where an object may be: the poses from which a tracker starts the next frame, places around them.
 
-Never sees an image. METHOD 9f: a constant-velocity start beside the last pose, and the way back to
+Never sees an image. A constant-velocity start beside the last pose, and the way back to
 where the object was last seen well.
 """
 
@@ -13,11 +13,11 @@ import torch
 from torch import Tensor
 
 from ..actions import PoseAction, pose_delta
+from ..contour import ColourHistograms
 from ..geometry.equivalent import nearest_equivalent
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3, log_so3
-from ..contour import ColourHistograms
 
 # Confidence under which a pose is not believed.
 LOW_CONFIDENCE = 0.5
@@ -26,9 +26,9 @@ LOW_CONFIDENCE = 0.5
 # with the track.
 HIGH_CONFIDENCE = 0.65
 # Counts on every axis that an object, surely seen, may have moved by for the next frame to look
-# closely at once (`loop.ZOOM`).
+# closely at once (`refine.FINE_SCALE`).
 SLOW_MOTION = 6.0
-# Two starts within so many counts on every axis lead to the same place: one of them is enough.
+# Two starts within so many units on every axis lead to the same place: one of them is enough.
 DUPLICATE = 3.0
 # Part of the colours that each frame replaces (SRT3D's learning rates).
 HISTOGRAM_RATE = 0.2
@@ -56,11 +56,11 @@ class TrackState:
     """What a tracker remembers of one object; poses are the mesh file's, float64.
 
     `pose` is the last one found, `velocity` (2, 3) its last turn (radians) and shift (metres) from
-    frame to frame about the object's centre, `trusted` the last one that was sure, `motion` (2, 3)
-    the mean velocity up to it and `unsure` the number of frames since; `steady` says that it is the
-    last one and hardly moved; `colours` are the object's and its surroundings' in the frames that
-    were believed, `depth_bias` what the policy is known to be off by when it looks closely
-    (`calibration`).
+    frame to frame about the object's centre, `last_confident_pose` the last one that was sure,
+    `mean_velocity` (2, 3) the mean velocity up to it and `frames_unconfident` the number of frames
+    since; `slow` says that it is the last one and hardly moved; `histograms` are the object's and
+    its surroundings' in the frames that were believed, `depth_bias` what the policy is known to be
+    off by when it looks closely (`calibration`).
     """
 
     mesh: Mesh
@@ -111,7 +111,10 @@ class TrackState:
         pose = nearest_equivalent(pose, self.pose, self.mesh.symmetries)
         before, after = self.mesh.inner(self.pose), self.mesh.inner(pose)
         was_above_high = self.above_high
-        self.above_low, self.above_high = confidence >= LOW_CONFIDENCE, confidence >= HIGH_CONFIDENCE
+        self.above_low, self.above_high = (
+            confidence >= LOW_CONFIDENCE,
+            confidence >= HIGH_CONFIDENCE,
+        )
         self.slow = self.above_high and not _apart(self.mesh, self.pose, pose, SLOW_MOTION)
         self.velocity = None
         if was_above_high and self.above_high:
@@ -127,7 +130,9 @@ class TrackState:
         """Remember the colours of a frame, if there are any and its pose was believed."""
         if histograms is not None and self.above_low:
             known = self.histograms
-            self.histograms = histograms if known is None else known.blend(histograms, HISTOGRAM_RATE)
+            self.histograms = (
+                histograms if known is None else known.blend(histograms, HISTOGRAM_RATE)
+            )
 
     def miss(self) -> None:
         """A frame without a pose: stay where the object was."""
@@ -148,7 +153,7 @@ class TrackState:
 
 
 def _apart(mesh: Mesh, one: Pose, other: Pose, delta: float = DUPLICATE) -> bool:
-    """Whether two poses differ by more than so many counts on some axis."""
+    """Whether two poses differ by more than so many units on some axis."""
     a, b = mesh.inner(one), mesh.inner(other)
     if float(a.translation[2]) <= 0 or float(b.translation[2]) <= 0:
         return True
@@ -156,11 +161,13 @@ def _apart(mesh: Mesh, one: Pose, other: Pose, delta: float = DUPLICATE) -> bool
     return bool(pose_delta(a, b, diameter).abs().max() > delta)
 
 
-def sample_perturbation(mesh: Mesh, pose: Pose, random: np.random.Generator, config: PerturbationConfig) -> Pose:
+def sample_perturbation(
+    mesh: Mesh, pose: Pose, random: np.random.Generator, config: PerturbationConfig
+) -> Pose:
     """A pose at random around another one; both in the mesh file's frame."""
     axis = random.normal(size=3)
     axis *= random.uniform(*config.turn) / np.linalg.norm(axis)
     delta = torch.from_numpy(np.concatenate([random.uniform(-1, 1, 3) * config.shift, axis]))
     diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
     centred = mesh.inner(pose.to(torch.float64))
-    return mesh.outer(PoseAction.of(delta).apply(centred, diameter))
+    return mesh.outer(PoseAction.from_delta(delta).apply_centred(centred, diameter))

@@ -12,23 +12,22 @@ from typing import Any
 
 import torch
 
+from ..contour import histograms_at
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..policies import Policy, load_policy
-from ..contour import histograms_at
 from ..rendering.renderer import Renderer, make_renderer
 from .calibration import depth_bias
+from .contour_stage import refine_result
 from .frame import Frame, prepare_frame
-from .track_state import LOW_CONFIDENCE, PerturbationConfig, TrackState
-from .contour_stage import contour_stage
+from .multi_start import most_confident, perturbed_targets, supports_multi_start
 from .refine import StopReason, Target, TrackingResult, check_start, out_of_sight, refine_batch
-from .multi_start import perturbed_targets, supports_multi_start, most_confident
+from .track_state import LOW_CONFIDENCE, PerturbationConfig, TrackState
 
-# Places looked at around each of the three where an object is likely to be (`TrackState.likely`) while
-# it is not believed to have been found. Farther ones find it no more often, and more often
-# something else.
+# Starts around each of the three recovery poses (`TrackState.recovery_poses`) while the confidence
+# is low. Wider perturbations find the object no more often, and more often something else.
 RECOVERY = PerturbationConfig(3, shift=(25.0, 25.0, 8.0), turn=(10.0, 30.0))
 
 
@@ -41,9 +40,9 @@ class PoseTracker:
         start: pose of each object in (or just before) the first frame, mesh file's frame.
         policy: who decides; the shipped network if None.
         renderer: the back end; embree if None.
-        max_steps: limit of cycles a frame; `MAX_ITERATIONS` of the policy's mode if None.
-        search: look around for an object whose pose is in doubt.
-        regions: after the policy's moves, fit the outline to where the object's colours end.
+        max_iterations: limit per frame; `MAX_ITERATIONS` of the policy's mode if None.
+        multi_start: start from recovery poses too while the confidence is low.
+        contour: region-based refinement of the pose after the policy's iterations.
     """
 
     def __init__(
@@ -90,7 +89,7 @@ class PoseTracker:
         """Learn what the objects look like from an image in which their present poses are exact.
 
         For the frame of the start poses, if they are known well: the colours tell each object from
-        its surroundings (`regions`), and how far off the policy is here it will be off later
+        its surroundings (`contour`), and how far off the policy is here it will be off later
         (`calibration`). `InputError` if the image does not fit the camera.
         """
         frame = prepare_frame(image, self.camera)
@@ -119,16 +118,16 @@ class PoseTracker:
         )
 
     def _add(self, frame: Frame, track: TrackState, result: TrackingResult) -> TrackingResult:
-        """Go on from a result; its pose is polished first if that is wanted."""
+        """Go on from a result, after region-based refinement if that is wanted."""
         histograms = None
         if self.contour and result.pose is not None:
             target = Target(frame, self.camera, track.mesh, result.pose)
-            result, histograms = contour_stage(target, result, self.renderer, track.histograms)
+            result, histograms = refine_result(target, result, self.renderer, track.histograms)
         if result.pose is None:
             track.miss()
             return result
         track.add(result.pose, result.confidence)
-        track.calibrate(histograms)
+        track.update_histograms(histograms)
         return replace(result, pose=track.pose)
 
     def _refine(self, frame: Frame) -> list[TrackingResult]:
@@ -152,9 +151,9 @@ class PoseTracker:
         return self._recover(frame, results) if self.multi_start else results
 
     def _recover(self, frame: Frame, results: list[TrackingResult]) -> list[TrackingResult]:
-        """The results; instead of a doubtful one the surest end around where the object may be.
+        """The results; one of low confidence is replaced by the best result from recovery poses.
 
-        An end in doubt is no reason to leave the track: a covered object is in doubt where it is.
+        Only by one of higher confidence: a covered object has a low confidence where it is.
         """
         if not supports_multi_start(self.policy):
             return results
@@ -163,7 +162,11 @@ class PoseTracker:
             for track, result in zip(self.tracks, results, strict=True)
         ]
         found = most_confident(
-            results, others, policy=self.policy, renderer=self.renderer, max_iterations=self.max_iterations
+            results,
+            others,
+            policy=self.policy,
+            renderer=self.renderer,
+            max_iterations=self.max_iterations,
         )
         return [
             new if new.confidence >= LOW_CONFIDENCE else replace(old, milliseconds=new.milliseconds)
@@ -171,7 +174,7 @@ class PoseTracker:
         ]
 
     def _recovery_targets(self, frame: Frame, track: TrackState) -> list[Target]:
-        """Where else to start for an object in doubt."""
+        """Starts for an object whose confidence is low."""
         found: list[Target] = []
         for pose in track.recovery_poses():
             recovery_poses = Target(frame, self.camera, track.mesh, pose, track.depth_bias)

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..datasets.files import RESULT_COLUMNS, PoseRow, PoseWriter
+from ..datasets.pose_files import RESULT_COLUMNS, PoseRow, PoseWriter
 from ..datasets.sequences import Sequence
 from ..datasets.video import Frame
 from ..errors import InputError

@@ -21,7 +21,7 @@ from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3
 from ..observation import observe
-from ..policies import Policy, LoopState, to_action
+from ..policies import LoopState, Policy, to_action
 from ..rendering.renderer import Renderer
 from .plain_camera import CAMERA
 
@@ -86,6 +86,6 @@ def _parts(
     moments.append(time.perf_counter())
     prediction = policy.predict(seen, LoopState(pose, diameter, torch.arange(1)))
     moments.append(time.perf_counter())
-    to_action(prediction, policy.mode).apply(pose, diameter, policy.crop)
+    to_action(prediction, policy.mode).apply_centred(pose, diameter, policy.crop)
     moments.append(time.perf_counter())
     return [1e3 * (end - start) for start, end in itertools.pairwise(moments)]

@@ -41,12 +41,14 @@ def oracle_errors(
         side = random.uniform([-0.8, -0.6, 3.5], [0.8, 0.6, 8.0], (len(chosen), 3))
         place = torch.from_numpy(side) * diameter[:, None]
         truth = Pose(random_rotations(len(chosen), generator), place)
-        start = PoseAction.of(torch.from_numpy(delta)).apply(truth, diameter)
+        start = PoseAction.from_delta(torch.from_numpy(delta)).apply_centred(truth, diameter)
         targets = [
             Target(image, CAMERA, mesh, mesh.outer(start[i])) for i, mesh in enumerate(chosen)
         ]
         policy = OraclePolicy(truth, mode)
-        results = refine_batch(targets, policy=policy, renderer=renderer, max_iterations=MAX_ITERATIONS)
+        results = refine_batch(
+            targets, policy=policy, renderer=renderer, max_iterations=MAX_ITERATIONS
+        )
         for i, result in enumerate(results):
             if result.pose is None:
                 yield float("inf")

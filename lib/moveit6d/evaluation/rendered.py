@@ -59,7 +59,7 @@ def make_cases(
         truth = _random_pose(mesh, random, generator)
         diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
         delta = torch.from_numpy(draw_delta(random, ClusterConfig(), cluster))
-        start = PoseAction.of(delta).apply(truth, diameter)
+        start = PoseAction.from_delta(delta).apply_centred(truth, diameter)
         photo = photos[int(random.integers(len(photos)))]
         picture = _photo(photo)
         picture = _put(picture, mesh, truth, renderer, generator)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..datasets.files import PoseRow
+from ..datasets.pose_files import PoseRow
 from ..datasets.video import Frame
 from ..errors import InputError
 from ..estimation.track_state import LOW_CONFIDENCE

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..datasets.files import PoseRow, by_frame, read_poses
+from ..datasets.pose_files import PoseRow, by_frame, read_poses
 from ..errors import InputError
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
@@ -206,14 +206,23 @@ class _Columns:
     def of(scores: Iterable[Score]) -> _Columns:
         known = list(scores)
         return _Columns(
-            any(score.resets for score in known), any(score.iterations is not None for score in known)
+            any(score.resets for score in known),
+            any(score.iterations is not None for score in known),
         )
 
     @property
     def head(self) -> list[str]:
-        head = ["sequences", "ADD<10%d", "ADD<5%d", "mean ADD mm", "median ADD mm",
-                "frames until lost", "never lost", "5cm/5deg"]  # fmt: skip
-        return [*head, *["resets"] * self.resets, *["steps"] * self.iterations, "ms/frame"]
+        head = [
+            "sequences",
+            "ADD<10%d",
+            "ADD<5%d",
+            "mean ADD mm",
+            "median ADD mm",
+            "frames until lost",
+            "never lost",
+            "5cm/5deg",
+        ]
+        return [*head, *["resets"] * self.resets, *["iterations"] * self.iterations, "ms/frame"]
 
     def cells(self, scores: Sequence[Score]) -> list[str]:
         times = _known(score.milliseconds for score in scores)
@@ -229,5 +238,5 @@ class _Columns:
             percent(float(np.mean([score.within_5cm_5deg for score in scores]))),
         ]
         cells += [str(sum(score.resets for score in scores))] * self.resets
-        cells += [f"{np.median(steps):g}" if iterations else "-"] * self.iterations
+        cells += [f"{np.median(iterations):g}" if iterations else "-"] * self.iterations
         return [*cells, f"{np.mean(times):.1f}" if times else "-"]

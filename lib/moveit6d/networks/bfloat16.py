@@ -67,9 +67,11 @@ class _Packed(nn.Module):
         super().__init__()
         assert not isinstance(convolution.padding, str)
         self.how = (
-            list(convolution.padding), list(convolution.stride), list(convolution.dilation),
+            list(convolution.padding),
+            list(convolution.stride),
+            list(convolution.dilation),
             convolution.groups,
-        )  # fmt: skip
+        )
         self.after = after
         weight = convolution.weight.detach()
         bias = weight.new_zeros(len(weight)) if convolution.bias is None else convolution.bias
@@ -108,9 +110,15 @@ def _scripted() -> tuple[Callable[..., Tensor], Callable[..., Tensor]]:
 
 
 def _convolve(
-    x: Tensor, weight: Tensor, bias: Tensor,
-    padding: list[int], stride: list[int], dilation: list[int], groups: int, after: str,
-) -> Tensor:  # fmt: skip
+    x: Tensor,
+    weight: Tensor,
+    bias: Tensor,
+    padding: list[int],
+    stride: list[int],
+    dilation: list[int],
+    groups: int,
+    after: str,
+) -> Tensor:
     answer: Tensor = torch.ops.mkldnn._convolution_pointwise(
         x, weight, bias, padding, stride, dilation, groups, after, [], ""
     )
@@ -118,9 +126,15 @@ def _convolve(
 
 
 def _convolve_and_add(
-    x: Tensor, other: Tensor, weight: Tensor, bias: Tensor,
-    padding: list[int], stride: list[int], dilation: list[int], groups: int,
-) -> Tensor:  # fmt: skip
+    x: Tensor,
+    other: Tensor,
+    weight: Tensor,
+    bias: Tensor,
+    padding: list[int],
+    stride: list[int],
+    dilation: list[int],
+    groups: int,
+) -> Tensor:
     answer: Tensor = torch.ops.mkldnn._convolution_pointwise(
         x, other, weight, bias, padding, stride, dilation, groups, "add", 1.0, "relu", [], ""
     )

@@ -48,7 +48,7 @@ def with_extra_blocks(
     blocks = nn.Sequential(*[Residual(channels, identity=True) for _ in range(number)])
     parts = [(str(i), module) for i, module in enumerate([*before, *after])]
     if number:
-        parts.insert(len(before), ("deeper", blocks))
+        parts.insert(len(before), ("extra_blocks", blocks))
     return nn.Sequential(OrderedDict(parts))
 
 

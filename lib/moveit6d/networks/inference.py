@@ -17,9 +17,9 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from ..observation import Observation
 from .action_net import ActionNet
-from .correlation import CorrelationNet
-from .policy_output import PolicyOutput
 from .bfloat16 import Bfloat16Convolutions
+from .kinds import PoseNet
+from .policy_output import PolicyOutput
 
 # Batches up to this size are traced, one trace a size; in larger ones Python's share is small.
 TRACED = 4
@@ -39,14 +39,14 @@ def is_bfloat16_fast() -> bool:
 
 
 class InferenceNetwork:
-    """Observation → decision without gradients.
+    """Observation → prediction without gradients.
 
     Batch normalisation is folded into the convolutions, which compute with the numbers that
     `compute` names: `auto` is bfloat16 where `is_bfloat16_fast`. Small batches, where a third of
     the time would be Python's, run as a TorchScript trace of the same network.
     """
 
-    def __init__(self, network: CorrelationNet | ActionNet, compute: Compute = "auto") -> None:
+    def __init__(self, network: PoseNet, compute: Compute = "auto") -> None:
         network = folded(network)
         self.is_bfloat16 = compute == "bfloat16" or (compute == "auto" and is_bfloat16_fast())
         if self.is_bfloat16:
@@ -57,7 +57,13 @@ class InferenceNetwork:
     @torch.inference_mode()
     def __call__(self, observation: Observation) -> PolicyOutput:
         """Decide for a batch."""
-        tensors = (observation.image, observation.rendering, observation.depth, observation.mask, observation.distance)
+        tensors = (
+            observation.image,
+            observation.rendering,
+            observation.depth,
+            observation.mask,
+            observation.distance,
+        )
         run = self._trace(tensors) if len(observation) <= TRACED else self.folded
         logits, confidence, attention, *delta = run(*tensors)
         return PolicyOutput(logits, delta[0] if delta else None, confidence, attention)
@@ -77,9 +83,9 @@ class InferenceNetwork:
 
 
 class _Plain(nn.Module):
-    """Tensors in and out, as a trace needs it: logits, confidence, attention, perhaps counts."""
+    """Tensors in and out, as a trace needs it: logits, confidence, attention, perhaps a delta."""
 
-    def __init__(self, network: CorrelationNet | ActionNet) -> None:
+    def __init__(self, network: PoseNet) -> None:
         super().__init__()
         self.network = network
 

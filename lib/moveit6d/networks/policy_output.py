@@ -14,9 +14,9 @@ from torch import Tensor
 class PolicyOutput:
     """What to do next, for a batch of B observations.
 
-    `logits` (B, 13) score the actions of `ActionSpace`; `counts` (B, 6) are all six axes at once
+    `logits` (B, 13) score the actions of `ActionSpace`; `delta` (B, 6) are all six axes at once
     in action units, or None if the network only chooses single actions; `confidence` (B,) is the
-    probability that the pose after the move is right (METHOD 9c); `attention` (B, 1, h, w) in
+    probability that the pose after the update is right; `attention` (B, 1, h, w) in
     [0, 1] says where the network looked, or None.
     """
 

@@ -56,9 +56,7 @@ def equivalents(
     return motions, row
 
 
-def turned_from(
-    symmetries: Sequence[NDArray[np.float64]], one: Tensor, other: Tensor
-) -> Tensor:
+def turned_from(symmetries: Sequence[NDArray[np.float64]], one: Tensor, other: Tensor) -> Tensor:
     """Angles (B,) in degrees between rotations (B, 3, 3), by the nearest equivalent of the other."""
     motions, row = equivalents(symmetries, one.device)
     turn = one[row].mT @ other[row] @ motions[:, :3, :3]

@@ -79,9 +79,7 @@ class MadeHands:
             self.kept.append(made_hand(self.random, self.config.cards, self.photos))
 
 
-def made_hand(
-    random: np.random.Generator, cards: float, photos: Sequence[np.ndarray]
-) -> Occluder:
+def made_hand(random: np.random.Generator, cards: float, photos: Sequence[np.ndarray]) -> Occluder:
     """A new hand, or a card in a share of the cases."""
     return card(random, 1.0, photos) if random.random() < cards else hand(random)
 

@@ -58,7 +58,10 @@ def radial_blur(picture: Tensor, config: AugmentConfig, dice: Dice) -> Tensor:
     part = picture[chosen]
     total = torch.zeros_like(part)
     for share in (-0.5, -0.25, 0.0, 0.25, 0.5):
-        affine = torch.eye(2, 3, device=dice.device).repeat(len(chosen), 1, 1) * (1 + share * strength)[:, None, None]
+        affine = (
+            torch.eye(2, 3, device=dice.device).repeat(len(chosen), 1, 1)
+            * (1 + share * strength)[:, None, None]
+        )
         grid = functional.affine_grid(affine, list(part.shape), align_corners=False)
         total += functional.grid_sample(part, grid, padding_mode="border", align_corners=False)
     picture = picture.clone()
@@ -122,9 +125,7 @@ def sharpen(picture: Tensor, config: AugmentConfig, dice: Dice) -> Tensor:
     return picture
 
 
-def degrade(
-    picture: Tensor, gamma: Tensor, config: AugmentConfig, dice: Dice
-) -> Tensor:
+def degrade(picture: Tensor, gamma: Tensor, config: AugmentConfig, dice: Dice) -> Tensor:
     """Lower resolution, colours as a screen wants them, JPEG; one setting a group of the batch.
 
     Pixels of the sensor add up light: that is before the exponents 1 / gamma (B, 1, 1, 1).

@@ -59,7 +59,11 @@ def light(
     base = albedo[sample, :, row, column]
 
     def uniform(*shape: int, between: Range = (0.0, 1.0)) -> Tensor:
-        return torch.rand(*shape, generator=generator, device=albedo.device) * (between[1] - between[0]) + between[0]
+        return (
+            torch.rand(*shape, generator=generator, device=albedo.device)
+            * (between[1] - between[0])
+            + between[0]
+        )
 
     smooth = uniform(batch, between=config.smoothness)[sample]
     metal = uniform(batch, between=config.metallic)[sample][:, None]
@@ -77,9 +81,9 @@ def light(
         shine += strength * (normals * halfway).sum(-1).clamp_min(0) ** power
     ambient = uniform(batch, between=config.ambient)[sample]
     colours = torch.tensor(config.colours, device=albedo.device)
-    colour = colours[torch.randint(
-            len(colours), (batch,), generator=generator, device=albedo.device
-        )]
+    colour = colours[
+        torch.randint(len(colours), (batch,), generator=generator, device=albedo.device)
+    ]
     colour = uniform(batch, 1, between=config.tint) * (colour - 1)
     around = (1 + config.ambient_tint * colour)[sample] * ambient[:, None]
     colour = ((1 + colour) * uniform(batch, 1, between=config.enhanced))[sample]

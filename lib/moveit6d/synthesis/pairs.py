@@ -56,7 +56,9 @@ class PairConfig:
     farthest: tuple[float, ...] = (35.0, 35.0, 20.0, 25.0, 25.0, 25.0)
     texture_gain: float = 0.2  # how far the mesh's colours may be from the object's, a channel
     texture_wave: float = 0.0  # the same, changing smoothly over the rendering
-    turned: float = 0.0  # share of pairs that are turned far away from the truth, for the confidence
+    turned: float = (
+        0.0  # share of pairs that are turned far away from the truth, for the confidence
+    )
     turned_by: tuple[float, float] = (35.0, 180.0)  # degrees, about any axis
     absent: float = 0.0  # share of pairs of which the picture shows another object or none
 
@@ -143,7 +145,7 @@ class PairGenerator:
         rotation = random_rotations(batch, self.generator)
         direction = self._directions(batch).to(device)
         start = Pose(rotation, _place(direction, distance * diameter))
-        truth = PoseAction.of(delta.to(device)).apply(start, diameter, crop)
+        truth = PoseAction.from_delta(delta.to(device)).apply_centred(start, diameter, crop)
         symmetries = self._symmetries(index)
         delta = nearest_delta(symmetries, start, truth, diameter, crop)
         intrinsics = view_of(start, diameter, crop).intrinsics
@@ -177,9 +179,9 @@ class PairGenerator:
         depth = batch.observation.distance.double() * diameter
         start = Pose(batch.rotation, _place(batch.direction.double(), depth))
         crop = self.config.crop
-        truth = PoseAction.of(batch.delta.double()).apply(start, diameter, crop)
+        truth = PoseAction.from_delta(batch.delta.double()).apply_centred(start, diameter, crop)
         moves = self._sensible(moves.double(), start, truth, diameter, batch.near)
-        moved = PoseAction.of(moves).apply(start, diameter, crop)
+        moved = PoseAction.from_delta(moves).apply_centred(start, diameter, crop)
         old, view = (view_of(pose, diameter, crop) for pose in (start, moved))
         here, goal = view.to_virtual(moved), view.to_virtual(truth)
         distance = view.distance / diameter
@@ -268,7 +270,7 @@ class PairGenerator:
         far = torch.tensor(self.config.farthest, dtype=torch.float64, device=moves.device)
         moves = moves.clamp(-far, far)
         crop = self.config.crop
-        moved = PoseAction.of(moves).apply(start, diameter, crop)
+        moved = PoseAction.from_delta(moves).apply_centred(start, diameter, crop)
         left = pose_delta(moved, truth, diameter, crop)
         keep = (self._within(left) | (near < 0.5)) & (left[:, :3].abs() <= far[:3]).all(-1)
         keep = keep & (moved.translation[:, 2] > 1.5 * diameter)

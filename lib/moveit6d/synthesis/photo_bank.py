@@ -22,7 +22,9 @@ class PhotoBank:
     def __init__(self, photos: Sequence[np.ndarray], device: torch.device) -> None:
         sizes = np.array([photo.shape[:2] for photo in photos])
         first = np.concatenate([[0], np.cumsum(sizes.prod(1))[:-1]])
-        self.pixels = torch.from_numpy(np.concatenate([p.reshape(-1, 3) for p in photos])).to(device)
+        self.pixels = torch.from_numpy(np.concatenate([p.reshape(-1, 3) for p in photos])).to(
+            device
+        )
         self.first = torch.from_numpy(first).to(device)
         self.height, self.width = torch.from_numpy(sizes).to(device).unbind(1)
 
@@ -44,7 +46,10 @@ class PhotoBank:
         x0, y0 = x.floor().long(), y.floor().long()
         x1 = torch.minimum(x0 + 1, width[:, None] - 1)
         y1 = torch.minimum(y0 + 1, height[:, None] - 1)
-        dx, dy = (x - x0)[:, None, :, None], (y - y0)[:, :, None, None]  # (B, 1, N, 1), (B, N, 1, 1)
+        dx, dy = (
+            (x - x0)[:, None, :, None],
+            (y - y0)[:, :, None, None],
+        )  # (B, 1, N, 1), (B, N, 1, 1)
         upper, lower = (
             (self.first[chosen, None] + row * width[:, None])[:, :, None] for row in (y0, y1)
         )

@@ -72,10 +72,17 @@ def draw_views(
 ) -> ViewBatch:  # fmt: skip
     """Views of the first pairs of a batch; those that show something else are as invisible."""
     count = config.count(len(pairs.mesh))
-    start, truth, diameter, index = start[:count], truth[:count], diameter[:count], pairs.mesh[:count]
+    start, truth, diameter, index = (
+        start[:count],
+        truth[:count],
+        diameter[:count],
+        pairs.mesh[:count],
+    )
     off = dice.uniform(count, 3, between=(-1.0, 1.0)).double()
     off = off * torch.tensor([config.shift, config.shift, config.size]).to(off)
-    centre = PoseAction.of(torch.cat([off, torch.zeros_like(off)], 1)).apply(truth, diameter)
+    centre = PoseAction.from_delta(torch.cat([off, torch.zeros_like(off)], 1)).apply_centred(
+        truth, diameter
+    )
     view, old = look_at(centre, diameter), look_at(start, diameter)
     # From the start's patch to the one around the truth: both cameras stand in one place.
     between = type(view)(view.rotation @ old.rotation.mT, view.intrinsics, view.distance)

@@ -13,12 +13,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..datasets.files import PoseRow, replacing
+from ..datasets.pose_files import PoseRow
 from ..datasets.video import FrameSource
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..io import replacing
 from ..rendering.renderer import Renderer
 from . import page
 from .curves import Curves, curves_svg, limits
@@ -223,7 +224,7 @@ def _near_key(run: Run) -> str:
 def _table(run: Run) -> dict[str, Any]:
     """Every frame, the worst first."""
     truth = ["ADD mm", "ADD % d", "origin mm", "rotation °"] if run.errors else []
-    head = ["frame", *truth, "confidence", "steps", "stopped by", "ms", "what happened"]
+    head = ["frame", *truth, "confidence", "iterations", "stopped by", "ms", "what happened"]
     order = sorted(run.rows, key=lambda frame: (-run.badness[frame], frame))
     rows = []
     for frame in order:

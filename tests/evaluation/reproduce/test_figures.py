@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from moveit6d.datasets.sequences import Sequence, read_sequences
-from moveit6d.estimation import SelectionCriterion, PoseDetector, DetectorConfig
+from moveit6d.estimation import DetectorConfig, PoseDetector, SelectionCriterion
 from moveit6d.evaluation.cycle import CycleTimes
 from moveit6d.evaluation.reproduce import attention, detection, runtime
 from moveit6d.evaluation.reproduce.outcome import Sheet
@@ -19,7 +19,7 @@ from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.pose import Pose
 from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import ActionMode, OraclePolicy, LoopState
+from moveit6d.policies import ActionMode, LoopState, OraclePolicy
 from moveit6d.rendering.renderer import make_renderer
 
 
@@ -82,7 +82,7 @@ def a_detector(video: Sequence) -> PoseDetector:
     return PoseDetector(mesh, video.camera, config=config, policy=policy)
 
 
-def test_detection_is_judged_in_both_ways(video: Sequence) -> None:
+def test_detection_is_scored_by_both_criteria(video: Sequence) -> None:
     detector = a_detector(video)
     ((trial, image, found),) = detection.run([video], {video.name: detector}, 1)
     assert trial.rank == 1 and trial.size == pytest.approx(1, abs=0.7)
@@ -94,7 +94,7 @@ def test_detection_is_judged_in_both_ways(video: Sequence) -> None:
     example = detection.Example(image, found, (-9.0, 0.0, 9.0), iterations, ways)
     outcome = detection.outcome([trial], example, "stand-in", {})
     summary = dict(row[:2] for row in outcome.tables[0].rows)
-    assert summary["ADD < 10 % d, judge steps, %"] == 100
+    assert summary["ADD < 10 % d, criterion iterations, %"] == 100
     assert summary["object is the strongest sink, %"] == 100
     sheet = outcome.charts[0]
     assert isinstance(sheet, Sheet)
@@ -106,14 +106,23 @@ def test_detection_is_judged_in_both_ways(video: Sequence) -> None:
 
 def test_an_object_that_no_sink_belongs_to_is_said(video: Sequence) -> None:
     trial = detection.Trial(
-        "v", 3, None, None, dict.fromkeys(SelectionCriterion, float("inf")), dict.fromkeys(SelectionCriterion, 180.0),
-        float("inf"), 1.0,
-    )  # fmt: skip
+        "v",
+        3,
+        None,
+        None,
+        dict.fromkeys(SelectionCriterion, float("inf")),
+        dict.fromkeys(SelectionCriterion, 180.0),
+        float("inf"),
+        1.0,
+    )
     detector = a_detector(video)
     example = detection.Example(
-        np.zeros((120, 160, 3), np.uint8), detector.detect(np.zeros((120, 160, 3), np.uint8)),
-        (0.0,), (1.0,), (float("nan"),),
-    )  # fmt: skip
+        np.zeros((120, 160, 3), np.uint8),
+        detector.detect(np.zeros((120, 160, 3), np.uint8)),
+        (0.0,),
+        (1.0,),
+        (float("nan"),),
+    )
     found = detection.outcome([trial], example, "stand-in", {})
     assert found.tables[1].rows[0][2:6] == (None, None, None, None)
     summary = dict(row[:2] for row in found.tables[0].rows)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 
-from moveit6d.datasets.files import PoseRow
+from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.sequences import Sequence, read_sequences
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseTracker

@@ -20,7 +20,7 @@ from ...estimation.frame import prepare_frame
 from ...geometry.crop import PATCH_SIZE, crop_patch, look_at
 from ...geometry.pose import Pose
 from ...observation import Observation, observe
-from ...policies import Policy, LoopState
+from ...policies import LoopState, Policy
 from ...rendering.renderer import Renderer
 from .. import paper
 from .convergence import Plan, frames_of
@@ -53,7 +53,7 @@ def patches(videos: Sequence[Video], frames: int, renderer: Renderer) -> list[Pa
             picture = prepare_frame(frame.image, video.camera)
             inner = mesh.inner(video.truth[frame.index].to(torch.float64))
             delta = torch.tensor([OFFSET], dtype=torch.float64)
-            start = PoseAction.of(delta).apply(
+            start = PoseAction.from_delta(delta).apply_centred(
                 Pose(inner.rotation[None], inner.translation[None]), diameter
             )
             view = look_at(start, diameter)

@@ -90,7 +90,7 @@ def deviate(truth: Pose, signs: Tensor, count: Sequence[int], sphere_diameter: f
     pose, left = truth, torch.tensor(list(count))
     for done in range(max(count, default=0)):
         going = (left > done).to(torch.float64)[:, None]
-        pose = PoseAction.of(signs * going).apply(pose, diameter)
+        pose = PoseAction.from_delta(signs * going).apply_centred(pose, diameter)
     return pose
 
 
@@ -131,9 +131,16 @@ def run(video: Video, policy: Policy, renderer: Renderer, plan: Plan) -> Iterato
 
 
 def _trials(
-    video: Video, mesh: Mesh, points: Tensor, frame: Frame, cases: list[tuple[Reading, int]],
-    signs: Tensor, policy: Policy, renderer: Renderer, plan: Plan,
-) -> list[Trial]:  # fmt: skip
+    video: Video,
+    mesh: Mesh,
+    points: Tensor,
+    frame: Frame,
+    cases: list[tuple[Reading, int]],
+    signs: Tensor,
+    policy: Policy,
+    renderer: Renderer,
+    plan: Plan,
+) -> list[Trial]:
     truth = video.truth[frame.index].to(torch.float64)
     inner = mesh.inner(truth)
     many = Pose(inner.rotation.expand(len(cases), 3, 3), inner.translation.expand(len(cases), 3))
@@ -146,9 +153,19 @@ def _trials(
         if out_of_sight(moved.translation[k], mesh.sphere_diameter, picture.camera) is None
     ]
     targets = [Target(picture, video.camera, mesh, mesh.outer(moved[k])) for k in seen]
-    results = dict(zip(seen, refine_batch(
-        targets, policy=policy, renderer=renderer, max_iterations=plan.max_iterations, step=plan.step
-    ), strict=True))  # fmt: skip
+    results = dict(
+        zip(
+            seen,
+            refine_batch(
+                targets,
+                policy=policy,
+                renderer=renderer,
+                max_iterations=plan.max_iterations,
+                step_size=plan.step,
+            ),
+            strict=True,
+        )
+    )
 
     def error(pose: Pose) -> float:
         return float(metrics.add_s(pose, truth, points, video.symmetric)) / mesh.diameter
@@ -174,20 +191,36 @@ def outcome(trials: Sequence[Trial], data: str, facts: dict[str, object]) -> Out
         lines = [_row(m, reading, mine) for m in sorted({trial.m for trial in mine})]
         rows += lines
         scored = [(float(m), float(share)) for _, m, _, _, _, share, _, _ in lines]
-        walked = [(float(m), iterations) for _, m, _, _, _, _, iterations, _ in lines if iterations is not None]
-        for label, points, right in (("ADD score", scored, False), ("steps", walked, True)):
+        walked = [
+            (float(m), iterations)
+            for _, m, _, _, _, _, iterations, _ in lines
+            if iterations is not None
+        ]
+        for label, points, right in (("ADD score", scored, False), ("iterations", walked, True)):
             if points:
                 x, y = zip(*points, strict=True)
                 curves.append(Curve(f"{label}, {reading.value}", x, y, right))
     stated = tuple(zip(*paper.CONVERGENCE_ADD.items(), strict=True))
     curves.append(Curve("paper's ADD score", stated[0], stated[1], dots=True))
-    head = ("reading", "m", "units an axis", "starts", "start ADD % d", "ADD<10%d",
-            "steps where right", "paper ADD<10%d")  # fmt: skip
+    head = (
+        "reading",
+        "m",
+        "units an axis",
+        "starts",
+        "start ADD % d",
+        "ADD<10%d",
+        "steps where right",
+        "paper ADD<10%d",
+    )
     title = "ADD score and steps against the deviation (fig:robustness)"
     chart = LineChart(
-        "convergence", "Robustness to the start", "m", "ADD < 10 % d, %", tuple(curves),
+        "convergence",
+        "Robustness to the start",
+        "m",
+        "ADD < 10 % d, %",
+        tuple(curves),
         "steps of the loops that came back",
-    )  # fmt: skip
+    )
     return Outcome(
         "convergence",
         "Convergence from deviated starts (Eq. 3)",

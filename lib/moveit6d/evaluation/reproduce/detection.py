@@ -17,7 +17,7 @@ from torch import Tensor
 from ...actions import PoseAction, pose_delta
 from ...datasets.sequences import Sequence as Video
 from ...datasets.video import Image
-from ...estimation import Detection, SelectionCriterion, PoseDetector, Target, refine_batch
+from ...estimation import Detection, PoseDetector, SelectionCriterion, Target, refine_batch
 from ...estimation.detector import Candidate, best_of
 from ...estimation.frame import prepare_frame
 from ...geometry.pose import Pose
@@ -35,7 +35,7 @@ class Trial:
 
     `rank` is the object's place among those looked into, from 1 (None: not among them); `size` the
     width tried there that is nearest to the true one, in true ones; `best` the smallest error of
-    any candidate, which no judge can better.
+    any candidate, which no criterion can better.
     """
 
     video: str
@@ -81,10 +81,15 @@ def run(
 
 
 def _judged(
-    video: Video, frame: int, found: Detection, detector: PoseDetector, truth: Pose,
-    points: Tensor, seconds: float,
-) -> Trial:  # fmt: skip
-    """One frame's figures: what each judge chose among the same candidates."""
+    video: Video,
+    frame: int,
+    found: Detection,
+    detector: PoseDetector,
+    truth: Pose,
+    points: Tensor,
+    seconds: float,
+) -> Trial:
+    """One frame's figures: what each criterion chose among the same candidates."""
 
     def error(candidate: Candidate | None) -> float:
         if candidate is None or candidate.result.pose is None:
@@ -124,13 +129,16 @@ def turned_starts(
     delta = torch.zeros(len(turns), 6, dtype=torch.float64)
     delta[:, 5] = torch.tensor(list(turns), dtype=torch.float64)
     many = Pose(inner.rotation.expand(len(turns), 3, 3), inner.translation.expand(len(turns), 3))
-    starts = PoseAction.of(delta).apply(many, diameter)
+    starts = PoseAction.from_delta(delta).apply_centred(many, diameter)
     frame = prepare_frame(image, detector.camera)
     targets = [
         Target(frame, detector.camera, mesh, mesh.outer(starts[k])) for k in range(len(turns))
     ]
     results = refine_batch(
-        targets, policy=detector.policy, renderer=detector.renderer, max_iterations=detector.max_iterations
+        targets,
+        policy=detector.policy,
+        renderer=detector.renderer,
+        max_iterations=detector.max_iterations,
     )
     ways = []
     for k, result in enumerate(results):
@@ -145,17 +153,33 @@ def turned_starts(
 def outcome(
     trials: Sequence[Trial], example: Example, data: str, facts: Mapping[str, object]
 ) -> Outcome:
-    """Figure `fig:detect` of one frame, and figures of all frames for both judges."""
+    """Figure `fig:detect` of one frame, and figures of all frames for both criteria."""
     rows: list[tuple[Cell, ...]] = []
     for trial in trials:
         adds = [_percent(trial.add[criterion]) for criterion in SelectionCriterion]
         turns = [trial.rotation[criterion] for criterion in SelectionCriterion]
-        rows.append((trial.video, trial.frame, trial.rank, trial.size, *adds, *turns,
-                     _percent(trial.best), trial.seconds))  # fmt: skip
-    head = ("sequence", "frame", "rank of its sink", "best size tried / true",
-            *(f"ADD % d, {judge.value}" for criterion in SelectionCriterion),
-            *(f"rotation deg, {judge.value}" for criterion in SelectionCriterion),
-            "best candidate ADD % d", "seconds")  # fmt: skip
+        rows.append(
+            (
+                trial.video,
+                trial.frame,
+                trial.rank,
+                trial.size,
+                *adds,
+                *turns,
+                _percent(trial.best),
+                trial.seconds,
+            )
+        )
+    head = (
+        "sequence",
+        "frame",
+        "rank of its sink",
+        "best size tried / true",
+        *(f"ADD % d, {criterion.value}" for criterion in SelectionCriterion),
+        *(f"rotation deg, {criterion.value}" for criterion in SelectionCriterion),
+        "best candidate ADD % d",
+        "seconds",
+    )
     frames = Table("frames", "Frame by frame", head, tuple(rows))
     return Outcome(
         "detection",
@@ -166,7 +190,7 @@ def outcome(
         (
             "The paper prints no figures for detection; its figure is one example.",
             "A sink counts as the object's if it is nearer than half of the object's width to its "
-            "centre. `best candidate` is what a perfect judge would reach.",
+            "centre. `best candidate` is what a perfect criterion would reach.",
             *paper.NOTES["fig:detect"],
         ),
         facts,
@@ -200,7 +224,7 @@ def _summary(trials: Sequence[Trial]) -> Table:
     ]
     for criterion in SelectionCriterion:
         hits = [trial.add[criterion] < metrics.ADD_LIMIT for trial in trials]
-        rows.append((f"ADD < 10 % d, judge {judge.value}, %", share(hits)))
+        rows.append((f"ADD < 10 % d, criterion {criterion.value}, %", share(hits)))
     best = [trial.best < metrics.ADD_LIMIT for trial in trials]
     rows.append(("ADD < 10 % d, best candidate, %", share(best)))
     rows.append(("seconds a frame, mean", mean([trial.seconds for trial in trials])))
@@ -222,15 +246,19 @@ def _sheet(example: Example) -> Sheet:
     left, top = field.centres[0, 0].tolist()
     step = float(field.centres[0, 1, 0] - field.centres[0, 0, 0])
     inside = {name: ((x - left) / step, (y - top) / step) for name, (x, y) in crosses.items()}
-    curves = [Curve("steps", example.turns, example.iterations)]
+    curves = [Curve("iterations", example.turns, example.iterations)]
     way = [(t, w) for t, w in zip(example.turns, example.ways, strict=True) if np.isfinite(w)]
     if way:
         x_way, y_way = zip(*way, strict=True)
         curves.append(Curve("way, single actions", x_way, y_way, right=True))
     chart = LineChart(
-        "turned", "", "start turned about the viewing axis (r_z), degrees", "steps to stop",
-        tuple(curves), "way in single actions",
-    )  # fmt: skip
+        "turned",
+        "",
+        "start turned about the viewing axis (r_z), degrees",
+        "steps to stop",
+        tuple(curves),
+        "way in single actions",
+    )
     return Sheet(
         "detection",
         "Detection",

@@ -7,12 +7,8 @@ of the mesh file.
 from __future__ import annotations
 
 import csv
-import json
 import math
-import os
-import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -21,6 +17,7 @@ from typing import Any, TextIO
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.pose import Pose
+from ..io import read_json, replacing, write_json
 
 ROTATION_COLUMNS = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
 POSE_COLUMNS = (*ROTATION_COLUMNS, "tx", "ty", "tz")
@@ -50,70 +47,6 @@ class PoseRow:
     milliseconds: float | None = None
     reset: bool = False
     object: str = ""
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A temporary name beside `path`, which takes its place when the block ends without an error.
-
-    Makes the folder if it is missing. After an error the temporary file is removed and an older
-    file at `path` stays as it was. `InputError` if nothing can be written there.
-    """
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.is_dir():
-            raise InputError(f"{path} is a folder; a file of that name was to be written.")
-        try:
-            yield temporary
-        except BaseException:
-            temporary.unlink(missing_ok=True)
-            raise
-        os.replace(temporary, path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}.") from error
-
-
-@contextmanager
-def replacing_folder(path: Path) -> Iterator[Path]:
-    """A new folder beside `path`, which takes its place when the block ends without an error.
-
-    After an error the new folder is removed and an older one at `path` stays as it was.
-    """
-    work = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        work.mkdir(parents=True)
-        yield work
-        if path.exists():
-            shutil.rmtree(path)
-        os.replace(work, path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}.") from error
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
-
-
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write one JSON object, atomically. Numbers that are not finite become null."""
-    text = json.dumps(_finite(content), indent=2, allow_nan=False)
-    with replacing(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """Read one JSON object; `InputError` for a missing file or anything else in it."""
-    content = _json(path)
-    if not isinstance(content, dict):
-        raise InputError(f"{path} must hold one JSON object in braces.")
-    return content
-
-
-def read_json_list(path: Path) -> list[Any]:
-    """Read one JSON list; `InputError` for a missing file or anything else in it."""
-    content = _json(path)
-    if not isinstance(content, list):
-        raise InputError(f"{path} must hold one JSON list in brackets.")
-    return content
 
 
 def read_camera(path: Path) -> Camera:
@@ -261,17 +194,6 @@ def by_frame(rows: Iterable[PoseRow], where: str) -> dict[int, PoseRow]:
     return found
 
 
-def _json(path: Path) -> Any:
-    try:
-        return json.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist.") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not a JSON file: {error}.") from error
-
-
 def _read_row(row: Mapping[str, str | None], where: str) -> PoseRow:
     texts = [(row[column] or "").strip() for column in POSE_COLUMNS]
     pose = None
@@ -307,7 +229,7 @@ def _cell(row: PoseRow, column: str) -> str:
         index = POSE_COLUMNS.index(column)
         flat = row.pose.rotation.reshape(9) if index < 9 else row.pose.translation
         return f"{float(flat[index % 9]):.10g}"
-    value = getattr(row, column)
+    value = row.iterations if column == "steps" else getattr(row, column)
     if value is None:
         return ""
     if isinstance(value, bool):
@@ -346,13 +268,3 @@ def _not_millimetres(pose: Pose, where: str) -> Pose:
             "millimetres, divide it by 1000."
         )
     return pose
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return value

@@ -19,7 +19,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
 
-from ..errors import InputError
+from .errors import InputError
 
 # A task whose worker died is tried this many times more: one death is an accident (someone else's
 # memory, a machine that went away), two are the task's own doing.

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 
 import pytest
 import torch
 
-from moveit6d.datasets.files import (
+from moveit6d.datasets.pose_files import (
     RESULT_COLUMNS,
     PoseRow,
     PoseWriter,
@@ -17,9 +16,7 @@ from moveit6d.datasets.files import (
     read_camera,
     read_pose,
     read_poses,
-    replacing,
     write_camera,
-    write_json,
     write_pose,
     write_poses,
 )
@@ -200,20 +197,3 @@ def test_a_pose_that_is_not_finite_is_no_pose(tmp_path: Path) -> None:
 def test_a_frame_twice_is_refused() -> None:
     with pytest.raises(InputError, match=r"poses\.csv: frame 3 occurs twice"):
         by_frame([PoseRow(3), PoseRow(3)], "poses.csv")
-
-
-def test_json_holds_null_for_what_is_not_finite(tmp_path: Path) -> None:
-    write_json(tmp_path / "a.json", {"mean": math.nan, "list": [math.inf, 1.5], "n": 3})
-    assert json.loads((tmp_path / "a.json").read_text()) == {
-        "mean": None,
-        "list": [None, 1.5],
-        "n": 3,
-    }
-
-
-def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="cannot be written"), replacing(tmp_path / "file" / "a"):
-        pass
-    with pytest.raises(InputError, match="is a folder"), replacing(tmp_path):
-        pass

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from moveit6d.errors import InputError
-from moveit6d.evaluation.jobs import Outcome, run_jobs
+from moveit6d.parallel import Outcome, run_jobs
 from tests.support import tasks
 
 

@@ -1,4 +1,4 @@
-"""A polished result: another pose, everything else as it was."""
+"""A refined contour: another pose, everything else as it was."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import torch
 
 from moveit6d.actions import PoseAction, pose_delta
 from moveit6d.estimation import PoseEstimator, StopReason, Target, TrackingResult
-from moveit6d.estimation.contour_stage import contour_stage
+from moveit6d.estimation.contour_stage import refine_result
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import ActionMode, OraclePolicy
@@ -27,14 +27,14 @@ def off(pose: Pose | None, mesh: Mesh) -> float:
 def near(brick: Mesh) -> Target:
     """The brick's picture, with a pose that is two counts off in place and in size."""
     size = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
-    wrong = PoseAction.of(torch.tensor([2.0, 0, 2.0, 0, 0, 0])).apply(TRUTH, size)
+    wrong = PoseAction.from_delta(torch.tensor([2.0, 0, 2.0, 0, 0, 0])).apply_centred(TRUTH, size)
     image = pictures.picture(brick, TRUTH).permute(1, 2, 0).numpy()
     return Target(image, pictures.CAMERA, brick, brick.outer(wrong))
 
 
 def test_only_pose_and_time_change(near: Target) -> None:
     given = TrackingResult(near.pose, 3, StopReason.STOP_ACTION, 0.7, 5.0)
-    found, histograms = contour_stage(near, given, make_renderer())
+    found, histograms = refine_result(near, given, make_renderer())
     assert off(found.pose, near.mesh) < 0.8 * off(given.pose, near.mesh)
     assert found.milliseconds > 5.0 and histograms is not None
     assert replace(found, pose=None, milliseconds=5.0) == replace(given, pose=None)
@@ -42,7 +42,7 @@ def test_only_pose_and_time_change(near: Target) -> None:
 
 def test_a_failed_result_stays(near: Target) -> None:
     failed = TrackingResult(None, 1, StopReason.FAILED, 0.0, 5.0, "lost")
-    assert contour_stage(near, failed, make_renderer()) == (failed, None)
+    assert refine_result(near, failed, make_renderer()) == (failed, None)
 
 
 def test_an_estimator_polishes_unless_it_is_told_not_to(near: Target) -> None:
