@@ -21,7 +21,7 @@ from moveit6d.networks.action_net import ActionNet
 from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.kinds import PoseNet
 from moveit6d.networks.weights_file import begin_from, load_network, save_network
-from moveit6d.synthesis.pairs import TrainingBatch
+from moveit6d.synthesis.training.pairs import TrainingBatch
 
 from .losses import (
     LossWeights,

@@ -1,0 +1,95 @@
+"""How far from the truth the training starts lie: the paper's five clusters of pose seeds.
+
+Never renders. Paper, section "Training on Synthetic Data", "Data Augmentation".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import InputError
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class ClusterConfig:
+    """Shares of the clusters and their ranges of absolute counts; signs are random.
+
+    The paper draws each of the five clusters equally often. `near` is ours: all six axes within
+    `near_range`, where a tracker spends its last cycles.
+    """
+
+    one_small: float = 0.2
+    one_large: float = 0.2
+    one_large_rest_small: float = 0.2
+    all_small: float = 0.2
+    all_large: float = 0.2
+    near: float = 0.0
+    small_shift: Range = (1.0, 5.0)  # t_x, t_y
+    small_rest: Range = (1.0, 4.0)  # t_z, r_x, r_y, r_z
+    large_shift: Range = (5.0, 30.0)
+    large_size: Range = (1.0, 15.0)  # t_z
+    large_turn: Range = (4.0, 20.0)
+    near_shift: Range = (0.0, 1.5)
+    near_size: Range = (0.0, 3.0)
+    near_turn: Range = (0.0, 4.0)
+
+    def shares(self) -> tuple[float, ...]:
+        """Shares in the order of `CLUSTERS`."""
+        return (
+            self.one_small,
+            self.one_large,
+            self.one_large_rest_small,
+            self.all_small,
+            self.all_large,
+            self.near,
+        )
+
+
+CLUSTERS = ("one_small", "one_large", "one_large_rest_small", "all_small", "all_large", "near")
+
+
+def draw_delta(
+    random: np.random.Generator, config: ClusterConfig, number: int, cluster: str | None = None
+) -> np.ndarray:
+    """Counts (number, 6) float64, each from a random cluster, or all from the named one.
+
+    In the first two clusters each of the 13 actions, stop (no counts) among them, is as likely.
+    """
+    shares = np.asarray(config.shares())
+    if cluster is not None and cluster not in CLUSTERS:
+        raise InputError(f"Unknown cluster {cluster!r}; known are {', '.join(CLUSTERS)}.")
+    chosen = (
+        np.full(number, CLUSTERS.index(cluster))
+        if cluster is not None
+        else random.choice(len(CLUSTERS), size=number, p=shares / shares.sum())
+    )
+    small = _draw(random, number, (config.small_shift,) * 2 + (config.small_rest,) * 4)
+    large = _draw(
+        random, number, (config.large_shift,) * 2 + (config.large_size,) + (config.large_turn,) * 3
+    )
+    near = _draw(
+        random, number, (config.near_shift,) * 2 + (config.near_size,) + (config.near_turn,) * 3
+    )
+    action = random.integers(13, size=number)
+    sign = np.where(action % 2 == 0, 1.0, -1.0)[:, None]
+    alone = np.arange(6) == action[:, None] // 2  # no axis at all for stop, the last action
+    axis = np.arange(6) == random.integers(6, size=number)[:, None]
+    found = {
+        "one_small": alone * np.abs(small) * sign,
+        "one_large": alone * np.abs(large) * sign,
+        "one_large_rest_small": np.where(axis, large, small),
+        "all_small": small,
+        "all_large": large,
+        "near": near,
+    }
+    return np.asarray(np.stack([found[name] for name in CLUSTERS])[chosen, np.arange(number)])
+
+
+def _draw(random: np.random.Generator, number: int, ranges: tuple[Range, ...]) -> np.ndarray:
+    low, high = np.array(ranges).T
+    shape = (number, len(ranges))
+    return np.asarray(random.uniform(low, high, shape) * random.choice([-1.0, 1.0], shape))
