@@ -22,12 +22,12 @@ from moveit6d.geometry.mesh import Mesh
 from moveit6d.observation import Observation
 from moveit6d.rendering.cuda_renderer import BankRenderer, Run
 from moveit6d.rendering.mesh_bank import MeshBank, PackedMesh, pack_mesh
-from moveit6d.synthesis.hands import made_hand
-from moveit6d.synthesis.object_set import BankObjects, ObjectSet
-from moveit6d.synthesis.pairs import PairGenerator, TrainingBatch
-from moveit6d.synthesis.photo_bank import PhotoBank
-from moveit6d.synthesis.photos import load_photos
-from moveit6d.synthesis.source import PairSource
+from moveit6d.synthesis.augmentation.hands import made_hand
+from moveit6d.synthesis.augmentation.photo_bank import PhotoBank
+from moveit6d.synthesis.augmentation.photos import load_photos
+from moveit6d.synthesis.objects.object_set import BankObjects, ObjectSet
+from moveit6d.synthesis.training.pairs import PairGenerator, TrainingBatch
+from moveit6d.synthesis.training.source import PairSource
 
 TEXTURES = 150  # photographs that a worker process keeps for made objects
 HANDS = 96  # hands and cards, made once
@@ -37,11 +37,10 @@ Student = Callable[[Observation], Tensor]
 
 
 class BankStream(IterableDataset[TrainingBatch]):
-    """Batches without end, all on one device; each picture in 1 + `cycles` states.
+    """Batches without end, all on one device; each picture in 1 + `iterations` states.
 
-    After a batch of new pictures come as many of the same ones, each after one more iteration of the
-    `student`, which answers an observation with its counts (B, 6), or with None as long as it does
-    not know enough.
+    After a batch of new pictures come as many of the same ones, each after one more iteration of
+    the `student`: it answers an observation with a pose delta (B, 6), or None if it is too young.
     """
 
     def __init__(
@@ -73,13 +72,14 @@ class BankStream(IterableDataset[TrainingBatch]):
         packed = [*files, *shapes, *(mesh for mesh, _, _ in hands)]
         bank = MeshBank.of(packed, self.device)
         renderer = BankRenderer(bank, self.run)
-        slots = np.split(np.arange(len(packed)), [len(files), len(files) + len(shapes)])
+        ends = [len(files), len(files) + len(shapes), len(packed)]
+        slots = [range(start, end) for start, end in zip([0, *ends], ends, strict=False)]
         # As where made shapes are few but renewed often: what counts is their share of the pairs.
         weights = [float(len(files)), source.shape_share * max(1, len(files))]
         objects = BankObjects(
             renderer, slots[:2] if files else slots[1:2], weights if files else [1.0]
         )
-        kept = BankHands(BankObjects(renderer, [slots[2]], [1.0]), hands, int(slots[2][0]))
+        kept = BankHands(BankObjects(renderer, [slots[2]], [1.0]), hands, slots[2][0])
         photos = PhotoBank(source.load_photos(random), self.device)
         generator = PairGenerator(
             objects, photos, source.pairs, int(random.integers(2**62)), hands=kept
@@ -101,12 +101,12 @@ class BankStream(IterableDataset[TrainingBatch]):
                     break
                 new = waiting.popleft().result()
                 if bank.fits(new):
-                    bank.put(int(slots[1][int(random.integers(len(shapes)))]), new)
+                    bank.put(slots[1][int(random.integers(len(shapes)))], new)
 
     def _made(self, pool: ProcessPoolExecutor, seed: int) -> Future[PackedMesh]:
         """A new shape, or a copy of one of the meshes without its print."""
         random, source = np.random.default_rng(seed), self.source
-        if source.meshes and random.random() < source.bare * (1 - source.symmetric):
+        if source.meshes and random.random() < source.untextured * (1 - source.symmetric):
             path = source.meshes[int(random.integers(len(source.meshes)))]
             return pool.submit(_untextured, path, source.mesh_unit, seed)
         return pool.submit(_shape, seed)
@@ -148,14 +148,14 @@ def _file(path: Path, unit: str) -> PackedMesh:
 
 
 def _untextured(path: Path, unit: str, seed: int) -> PackedMesh:
-    from moveit6d.synthesis.bare import bare_copy
+    from moveit6d.synthesis.objects.untextured import untextured_copy
 
-    return pack_mesh(bare_copy(np.random.default_rng(seed), Mesh.load(path, unit=unit)))  # type: ignore[arg-type]
+    return pack_mesh(untextured_copy(np.random.default_rng(seed), Mesh.load(path, unit=unit)))  # type: ignore[arg-type]
 
 
 def _shape(seed: int) -> PackedMesh:
-    from moveit6d.synthesis.shapes import random_object
-    from moveit6d.synthesis.symmetric_shapes import symmetric_object
+    from moveit6d.synthesis.objects.shapes import random_object
+    from moveit6d.synthesis.objects.symmetric_shapes import symmetric_object
 
     random = np.random.default_rng(seed)
     kind = symmetric_object if random.random() < _SYMMETRIC else random_object

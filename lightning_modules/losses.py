@@ -24,8 +24,8 @@ from moveit6d.networks.least_squares import (
 )
 from moveit6d.networks.matching import centred
 from moveit6d.networks.policy_output import PolicyOutput
-from moveit6d.synthesis.pairs import TrainingBatch
-from moveit6d.synthesis.views import ViewBatch
+from moveit6d.synthesis.training.pairs import TrainingBatch
+from moveit6d.synthesis.training.views import ViewBatch
 
 FARTHEST = 45.0  # pixels; cells that moved farther teach nothing
 RIGHT = 0.10  # mean point error in diameters under which a pose counts as right, as ADD < 10 % d
@@ -109,7 +109,7 @@ def correlation_losses(
         "visibility": coarse_seen + fine_seen,
         "weight": coarse_weight + fine_weight,
         "solved": regression(output.solved),
-        "counts": regression(delta),
+        "delta": regression(delta),
         "points": _mean_of(error.clamp_max(1.0), near),
         "actions": action_loss(output.prediction, batch),
         "confidence": functional.binary_cross_entropy_with_logits(output.confidence_logit, right),
@@ -234,9 +234,10 @@ def view_loss(described: Tensor, views: ViewBatch, mesh: Tensor, temperature: Te
     """
     count, each = views.masks.shape[:2]
     described = functional.normalize(centred(described.float()), dim=1)
-    image, templates = described[:count], described[count:].unflatten(0, (count, each))
+    image = described[:count]
+    templates = described[count:].reshape(count, each, *image.shape[1:])
     masks = (functional.avg_pool2d(views.masks.flatten(0, 1), 8) > 0.5).float()
-    masks = masks.unflatten(0, (count, each))  # (N, 1 + K, 1, 16, 16)
+    masks = masks.reshape(count, each, *masks.shape[1:])  # (N, 1 + K, 1, 16, 16)
     size = masks.flatten(2).sum(2).clamp_min(1)
     masked = templates * masks
     own = (masked * image[:, None]).flatten(2).sum(2) / size  # (N, 1 + K)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytorch_lightning as pl
@@ -122,7 +122,7 @@ class PairDataModule(pl.LightningDataModule):
         if self.device == "cuda":
             stream = BankStream(
                 self.source(), self.batch_size, (self.seed, self._step()),
-                torch.device("cuda"), self.rollouts.iterations, self._own_moves,
+                torch.device("cuda"), self.rollouts.iterations, self._own_delta,
             )  # fmt: skip
             return DataLoader(stream, batch_size=None)
         if self.written is not None:
@@ -145,15 +145,16 @@ class PairDataModule(pl.LightningDataModule):
         )
 
     @torch.no_grad()
-    def _own_moves(self, observation: Observation) -> Tensor | None:
-        """The counts of the network in training; None in its first steps, when they mean nothing."""
-        module = self.trainer.lightning_module
-        if self.trainer.global_step < self.rollouts.first_step:
+    def _own_delta(self, observation: Observation) -> Tensor | None:
+        """What the network in training predicts; None in its first steps."""
+        trainer = self.trainer
+        assert trainer is not None
+        if trainer.global_step < self.rollouts.first_step:
             return None
-        network = module.network.eval()
-        with torch.autocast(
-            observation.image.device.type, torch.bfloat16, observation.image.is_cuda
-        ):
+        network: Any = trainer.lightning_module.network
+        network.eval()
+        image = observation.image
+        with torch.autocast(image.device.type, torch.bfloat16, image.is_cuda):
             delta: Tensor = network(observation).prediction.delta
         network.train()
         return delta.float()

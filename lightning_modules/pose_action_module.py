@@ -33,6 +33,8 @@ from .losses import (
     view_pictures,
 )
 
+LOGGED = 50  # training steps between logged terms: on a GPU each is waited for
+
 
 class PoseActionModule(pl.LightningModule):
     """Trains any of `networks.kinds` on `TrainingBatch`es.
@@ -98,7 +100,7 @@ class PoseActionModule(pl.LightningModule):
         """One loss; its terms are logged as `train/NAME`."""
         loss, self.values = self._shared_step(batch)
         size = len(batch.delta)
-        if self.global_step % self.trainer.log_every_n_steps == 0:
+        if self.global_step % LOGGED == 0:
             named = {f"train/{name}": value for name, value in self.values.items()}
             self.log_dict({"loss": loss, **named}, batch_size=size)
         return loss

@@ -1,4 +1,4 @@
-"""The compact correlation network: half the work of `CorrelationNet`, and descriptors to detect with.
+"""The compact correlation network: half the work of `CorrelationNet`, and descriptors.
 
 Never renders and never applies an action. As `CorrelationNet` it matches observation and rendering
 at strides 8 and 4 and solves for the whole pose delta; its decoder also looks at stride 16, its
@@ -192,9 +192,15 @@ class CompactCorrelationNet(nn.Module):
         )  # fmt: skip
 
     def _facts(
-        self, fine: DensePrediction, object4: Tensor, object8: Tensor, volume: Tensor, likeness: Tensor,
-        delta: Tensor, residual: Tensor,
-    ) -> Tensor:  # fmt: skip
+        self,
+        fine: DensePrediction,
+        object4: Tensor,
+        object8: Tensor,
+        volume: Tensor,
+        likeness: Tensor,
+        delta: Tensor,
+        residual: Tensor,
+    ) -> Tensor:
         """Numbers (B, 9) that tell how well the match holds together."""
         on4, on8 = object4.flatten(1), object8.flatten(1)
         observation = torch.sigmoid(fine.visibility).flatten(1)
@@ -218,7 +224,7 @@ class CompactCorrelationNet(nn.Module):
     def _solve(
         self, observation: Observation, depth: Tensor, cells: DensePrediction
     ) -> tuple[Tensor, Tensor]:
-        """The six counts (B, 6) that the cells' answers amount to, and what is left (B, cells)."""
+        """The delta (B, 6) that the cells' answers amount to, and what is left (B, cells)."""
         points = surface_points(depth, observation.distance, self.fine_pixels)
         covered = observation.mask[:, 0, self.fine_pixels[:, 1], self.fine_pixels[:, 0]]
         weight = torch.sigmoid(cells.weight).flatten(1) * covered

@@ -31,7 +31,7 @@ class BankRenderer:
         self.bank, self._run = bank, run or _gpu_kernels()
 
     def render(self, slots: Tensor, poses: Pose, intrinsics: Tensor, size: int = PATCH) -> GBuffer:
-        """A patch of size × size for each slot (B,), by centred poses (B) and intrinsics (B, 3, 3)."""
+        """A patch of size × size for each slot (B,), as `Renderer.render` does for meshes."""
         device, batch = self.bank.device, len(slots)
         pose = torch.cat([poses.rotation.flatten(1), poses.translation], 1).float().contiguous()
         lens = torch.stack(

@@ -24,9 +24,9 @@ LEVELS = 12  # halvings of a texture at most
 class PackedMesh:
     """What a slot of a `MeshBank` holds, as arrays: small enough to be sent between processes.
 
-    `corners` (F, 9) and `values` (F, 18) as rendering/rasterize.cu wants them, `texels` (T, 3) uint8 of
-    all levels one after another, `levels` (L, 3) first texel, height and width of each; `symmetries`
-    (S, 4, 4) are motions of the centred frame, the identity first.
+    `corners` (F, 9) and `values` (F, 18) as rendering/rasterize.cu wants them, `texels` (T, 3)
+    uint8 of all levels one after another, `levels` (L, 3) first texel, height and width of each;
+    `symmetries` (S, 4, 4) are motions of the centred frame, the identity first.
     """
 
     corners: NDArray[np.float32]

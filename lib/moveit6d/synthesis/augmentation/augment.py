@@ -139,10 +139,10 @@ def scatter(
 
 def calibration_boards(count: int, size: int, rng: RandomSource) -> Tensor:
     """Calibration boards, markers and the like as they lie about: layers (count, 4, size, size)."""
-    dark, light = dice.uniform(2, count, 3, 1, 1)
-    squares = dice.uniform(count, 1, BOARD, BOARD) < 0.5
-    regular = (dice.line(BOARD)[:, None] + dice.line(BOARD)) % 2 == 0
-    squares = torch.where(dice.chance(count, 0.4)[:, None, None, None], regular, squares)
+    dark, light = rng.uniform(2, count, 3, 1, 1)
+    squares = rng.uniform(count, 1, BOARD, BOARD) < 0.5
+    regular = (rng.line(BOARD)[:, None] + rng.line(BOARD)) % 2 == 0
+    squares = torch.where(rng.chance(count, 0.4)[:, None, None, None], regular, squares)
     print_ = torch.where(squares, 0.25 * dark, 0.7 + 0.3 * light)
     sheet = functional.interpolate(print_, (size, size), mode="nearest")
     whole = sheet.new_tensor([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]).expand(count, 4, 2)
@@ -160,7 +160,7 @@ def calibration_boards(count: int, size: int, rng: RandomSource) -> Tensor:
 
 def cutout_masks(count: int, size: int, rng: RandomSource) -> Tensor:
     """Shapes of things cut from photos, (count, 1, size, size) 0/1: cards, bars and blobs."""
-    line = torch.linspace(-1, 1, size, device=dice.device)
+    line = torch.linspace(-1, 1, size, device=rng.device)
     y, x = torch.meshgrid(line, line, indexing="ij")
     wide, high = rng.uniform(2, count, 1, 1, between=(0.25, 1.0))
     card = (x.abs() < wide) & (y.abs() < high)
@@ -196,8 +196,8 @@ def rounds(batch: int, share: float, most: int, rng: RandomSource) -> Iterator[T
 
     A `share` of the patches get any; of those each number of things is as likely.
     """
-    number = dice.whole(batch, start=1, below=most + 1)
-    number = number * dice.chance(batch, share)
+    number = rng.whole(batch, start=1, below=most + 1)
+    number = number * rng.chance(batch, share)
     for layer in range(most):
         chosen = (number > layer).nonzero()[:, 0]
         if not len(chosen):
@@ -236,10 +236,10 @@ def crop_region(
     Returns the picture and what is covered now. Paper, "Data Augmentation Details", last sentence.
     """
     batch, size = len(picture), picture.shape[-1]
-    chosen = dice.chance(batch, config.cropped)
-    extent = dice.uniform(2, batch, between=config.crop).round()
-    start = (dice.uniform(2, batch) * (size - extent + 1)).floor()
-    line = dice.line(size)
+    chosen = rng.chance(batch, config.cropped)
+    extent = rng.uniform(2, batch, between=config.crop).round()
+    start = (rng.uniform(2, batch) * (size - extent + 1)).floor()
+    line = rng.line(size)
     inside = (line >= start[..., None]) & (line < (start + extent)[..., None])  # (2, B, N)
     window = (inside[0, :, :, None] & inside[1, :, None, :])[:, None]
     hidden = (chosen[:, None, None, None] & ~window).float()
@@ -249,7 +249,7 @@ def crop_region(
 def shadow(picture: Tensor, config: AugmentConfig, rng: RandomSource) -> Tensor:
     """The edge of a shadow, soft and straight, across a part of the batch."""
     batch, size = len(picture), picture.shape[-1]
-    line = torch.linspace(-1, 1, size, device=dice.device)
+    line = torch.linspace(-1, 1, size, device=rng.device)
     y, x = torch.meshgrid(line, line, indexing="ij")
     angle = rng.uniform(batch, between=(-3.14159, 3.14159))[:, None, None]
     place = rng.uniform(batch, between=(-0.6, 0.6))[:, None, None]
@@ -263,8 +263,8 @@ def shadow(picture: Tensor, config: AugmentConfig, rng: RandomSource) -> Tensor:
 def cut_border(picture: Tensor, config: AugmentConfig, rng: RandomSource) -> tuple[Tensor, Tensor]:
     """Black sides where the patch reaches beyond the image: the picture and the border mask."""
     batch, size = len(picture), picture.shape[-1]
-    width = dice.uniform(batch, between=(0.05, 0.45)) * size * dice.chance(batch, config.border)
-    line = dice.line(size)
+    width = rng.uniform(batch, between=(0.05, 0.45)) * size * rng.chance(batch, config.border)
+    line = rng.line(size)
     outside = (line[None] < width[:, None]).float()
     flip = rng.chance(batch, 0.5)[:, None]
     outside = torch.where(flip, outside.flip(-1), outside)

@@ -13,8 +13,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ..geometry.crop import PATCH_SIZE
-from ..rendering.renderer import GBuffer
+from ...geometry.crop import PATCH_SIZE
+from ...rendering.renderer import GBuffer
+from ..objects.object_set import ObjectSet
 from .augment import (
     AugmentConfig,
     RandomSource,
@@ -30,9 +31,16 @@ from .augment import (
     shadow,
 )
 from .hands import HandConfig, Hands, HandSource
-from .lens_effects import bend, blur, defocus_background, degrade, radial_blur, recolour, sharpen
+from .lens_effects import (
+    blur,
+    defocus_background,
+    degrade,
+    perturb_lens,
+    radial_blur,
+    recolour,
+    sharpen,
+)
 from .lighting import LightConfig, light
-from .object_set import ObjectSet
 from .occluder_bank import BankConfig, OccluderBank
 from .photo_bank import PhotoBank
 
@@ -40,14 +48,15 @@ from .photo_bank import PhotoBank
 class Composer:
     """Makes observed patches of what is rendered; its occluders are made as it goes.
 
-    What reaches a pixel from several things, at an edge or in a blur, adds up as light does: colours
-    are made linear first (`AugmentConfig.gamma`), and a bright thing before a dark one looks larger.
+    What reaches a pixel from several things, at an edge or in a blur, adds up as light does, so
+    colours are made linear first (`AugmentConfig.gamma`): before something dark, something bright
+    looks larger.
     """
 
     def __init__(
-        self, photos: PhotoBank, augment: AugmentConfig, lights: LightConfig, dice: Dice
+        self, photos: PhotoBank, augment: AugmentConfig, lights: LightConfig, rng: RandomSource
     ) -> None:
-        self.photos, self.augment, self.lights, self.dice = photos, augment, lights, dice
+        self.photos, self.augment, self.lights, self.rng = photos, augment, lights, rng
         self.bank: OccluderBank | None = None
         self.hands: Hands | None = None
 
@@ -57,13 +66,13 @@ class Composer:
     ) -> None:  # fmt: skip
         """Take occluders from a bank of these objects' patches; of size 0, from none."""
         if config.size > 0:
-            self.bank = OccluderBank(objects, config, self.lights, distance, self.dice, random)
+            self.bank = OccluderBank(objects, config, self.lights, distance, self.rng, random)
 
     def use_hands(
         self, config: HandConfig, source: HandSource, random: np.random.Generator
     ) -> None:
         """Put hands and cards in front as well."""
-        self.hands = Hands(config, source, self.lights, random, self.dice)
+        self.hands = Hands(config, source, self.lights, random, self.rng)
 
     def picture(self, observed: GBuffer, depth: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
         """Observed patches (B, 3, 128, 128), and 1 where nothing would cover the object.
@@ -76,31 +85,31 @@ class Composer:
             observed.albedo, observed.normal, depth, observed.mask, distance,
             self.lights, rng.generator,
         )  # fmt: skip
-        gamma = dice.uniform(batch, 1, 1, 1, between=augment.gamma)
+        gamma = rng.uniform(batch, 1, 1, 1, between=augment.gamma)
         layer = torch.cat([linear(lit, gamma) * observed.mask, observed.mask], 1)
-        ground = defocus_background(linear(self._photos(batch), gamma), augment, dice)
-        ground = self._cluttered(ground, layer)
-        picture = over(ground, self._imaged_layer(soft_edge(layer)))
-        picture, covered = occlude(picture, self._things(layer, gamma), augment, dice)
+        background = defocus_background(linear(self._photos(batch), gamma), augment, rng)
+        background = self._cluttered(background, layer)
+        picture = over(background, self._imaged_layer(soft_edge(layer)))
+        picture, occlusion = occlude(picture, self._things(layer, gamma), augment, rng)
         if self.hands is not None:
             chosen, fronts = self.hands.draw(batch, distance)
-            fronts = torch.cat([linear(fronts[:, :3], gamma[chosen]), fronts[:, 3:]], 1)
+            fronts = linear_layer(fronts, gamma[chosen])
             picture[chosen] = over(picture[chosen], soft_edge(fronts))
-            covered[chosen] = torch.maximum(covered[chosen], fronts[:, 3:])
-        picture, covered = crop_region(ground, picture, covered, augment, dice)
-        picture, border = cut_border(self._taken(picture, gamma).clamp(0, 1), augment, dice)
-        return (picture * 255).round() / 255, (covered < 0.5) * (1 - border)
+            occlusion[chosen] = torch.maximum(occlusion[chosen], fronts[:, 3:])
+        picture, occlusion = crop_region(background, picture, occlusion, augment, rng)
+        picture, border = cut_border(self._taken(picture, gamma).clamp(0, 1), augment, rng)
+        return (picture * 255).round() / 255, (occlusion < 0.5) * (1 - border)
 
     def _taken(self, picture: Tensor, gamma: Tensor) -> Tensor:
         """The picture, of linear colours, as the camera takes it."""
-        augment, dice, whole = self.augment, self.dice, self.augment.acts_on == "picture"
-        picture = shadow(picture, augment, dice)
+        augment, rng, whole = self.augment, self.rng, self.augment.acts_on == "picture"
+        picture = shadow(picture, augment, rng)
         if whole:
-            picture = radial_blur(blur(picture, augment, dice), augment, dice)
-        picture = bend(picture, augment, dice)
-        picture = degrade(picture, gamma, augment, dice)
-        picture = sharpen(picture, augment, dice)
-        return recolour(picture, augment, dice) if whole else picture
+            picture = radial_blur(blur(picture, augment, rng), augment, rng)
+        picture = perturb_lens(picture, augment, rng)
+        picture = degrade(picture, gamma, augment, rng)
+        picture = sharpen(picture, augment, rng)
+        return recolour(picture, augment, rng) if whole else picture
 
     def _imaged_layer(self, layer: Tensor) -> Tensor:
         """Blur and colour of one layer alone, if that is what they act on."""
@@ -134,17 +143,25 @@ class Composer:
         bank = self.bank
         if bank is None:
             photos = linear(self._photos(len(layer)), gamma)
-            return loose_things(layer, photos, self.augment, self.dice)
+            return loose_things(layer, photos, self.augment, self.rng)
         bank.grow()
-        return lambda chosen: self._imaged_layer(bank.draw(len(chosen)))
+        return lambda chosen: linear_layer(
+            self._imaged_layer(bank.draw(len(chosen))), gamma[chosen]
+        )
 
     def _photos(self, count: int) -> Tensor:
-        return self.photos.squares(count, PATCH_SIZE, self.dice)
+        return self.photos.squares(count, PATCH_SIZE, self.rng)
 
 
 def linear(colour: Tensor, gamma: Tensor) -> Tensor:
-    """Colours as a screen wants them as amounts of light: (B, 3, H, W) by exponents (B, 1, 1, 1)."""
+    """Colours (B, 3, H, W) as amounts of light, by the exponents (B, 1, 1, 1) of a screen."""
     return colour.clamp(0, 1.5) ** gamma
+
+
+def linear_layer(layer: Tensor, gamma: Tensor) -> Tensor:
+    """`linear` for the colours of layers (B, 4, H, W) of colour × alpha and alpha."""
+    colour, alpha = loose(layer)
+    return torch.cat([linear(colour, gamma) * alpha, alpha], 1)
 
 
 def soft_edge(layer: Tensor) -> Tensor:

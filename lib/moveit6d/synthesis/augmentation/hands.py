@@ -15,12 +15,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE
-from ..geometry.pose import Pose
-from ..geometry.rotation import exp_so3, random_rotations
-from .augment import Dice
+from ...geometry.crop import OBJECT_SIZE, PATCH_SIZE
+from ...geometry.pose import Pose
+from ...geometry.rotation import exp_so3, random_rotations
+from ..objects.object_set import MeshObjects, ObjectSet
+from .augment import RandomSource
 from .lighting import LightConfig
-from .object_set import MeshObjects, ObjectSet
 from .occluder_bank import lit_layers
 from .occluders import Occluder, card, hand
 
@@ -89,45 +89,45 @@ class Hands:
 
     def __init__(
         self, config: HandConfig, source: HandSource, lights: LightConfig,
-        random: np.random.Generator, dice: Dice,
+        random: np.random.Generator, rng: RandomSource,
     ) -> None:  # fmt: skip
         self.config, self.source = config, source
-        self.lights, self.random, self.dice = lights, random, dice
+        self.lights, self.random, self.rng = lights, random, rng
 
     def draw(self, batch: int, distance: Tensor) -> tuple[Tensor, Tensor]:
         """Which of the patches have one (n,), and the layers (n, 4, 128, 128) for them.
 
         `distance` (B,) in diameters gives each patch's perspective.
         """
-        chosen = self.dice.chance(batch, self.config.share).nonzero()[:, 0]
+        chosen = self.rng.chance(batch, self.config.share).nonzero()[:, 0]
         if not len(chosen):
             return chosen, torch.zeros(0, 4, PATCH_SIZE, PATCH_SIZE, device=chosen.device)
         objects, index, tips, reaching = self.source.take(len(chosen))
         near = distance[chosen].double()
         poses = self._poses(tips.to(near), reaching.to(near.device), OBJECT_SIZE * near)
-        return chosen, lit_layers(objects, index, poses, near, self.lights, self.dice)
+        return chosen, lit_layers(objects, index, poses, near, self.lights, self.rng)
 
     def _poses(self, tips: Tensor, reaching: Tensor, focal: Tensor) -> Pose:
         """Fingertips and cards somewhere in the patch; arms leave it by the nearest side or so."""
-        count, dice = len(tips), self.dice
-        place = dice.uniform(count, 2, between=(-0.5, 0.5)).double()
+        count, rng = len(tips), self.rng
+        place = rng.uniform(count, 2, between=(-0.5, 0.5)).double()
         place = place * self.config.spread * PATCH_SIZE
-        depth = focal * WIDTH / dice.uniform(count, between=self.config.width)
+        depth = focal * WIDTH / rng.uniform(count, between=self.config.width)
         outward = torch.atan2(place[:, 1], place[:, 0])
-        outward = outward + dice.uniform(count, between=(-1.2, 1.2))
-        free = random_rotations(count, dice.generator)
+        outward = outward + rng.uniform(count, between=(-1.2, 1.2))
+        free = random_rotations(count, rng.generator)
         rotation = torch.where(reaching[:, None, None], self._reaching(outward), free)
         tip = torch.cat([place / focal[:, None], torch.ones_like(focal)[:, None]], 1)
         return Pose(rotation, tip * depth[:, None] - (rotation @ tips[..., None])[..., 0])
 
     def _reaching(self, angle: Tensor) -> Tensor:
-        """Turns (n, 3, 3) that point a hand's arm (−y) along `angle` (n,), near the picture's plane.
+        """Turns (n, 3, 3) that point a hand's arm (−y) along `angle` (n,), near the image plane.
 
         Of the two sides of a hand either may be seen.
         """
-        count, dice = len(angle), self.dice
-        tilt, roll = dice.uniform(2, count, between=(-1.0, 1.0)).double()
-        flip = math.pi * dice.chance(count, 0.5)
+        count, rng = len(angle), self.rng
+        tilt, roll = rng.uniform(2, count, between=(-1.0, 1.0)).double()
+        flip = math.pi * rng.chance(count, 0.5)
         return _turn(2, angle + math.pi / 2) @ _turn(0, 0.35 * tilt) @ _turn(1, flip + 0.7 * roll)
 
 

@@ -14,12 +14,12 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE
-from ..geometry.pose import Pose
-from ..geometry.rotation import random_rotations
-from .augment import Dice
+from ...geometry.crop import OBJECT_SIZE, PATCH_SIZE
+from ...geometry.pose import Pose
+from ...geometry.rotation import random_rotations
+from ..objects.object_set import ObjectSet
+from .augment import RandomSource
 from .lighting import LightConfig, light
-from .object_set import ObjectSet
 
 Range = tuple[float, float]
 
@@ -39,15 +39,13 @@ class OccluderBank:
 
     def __init__(
         self, objects: ObjectSet, config: BankConfig, lights: LightConfig, distance: Range,
-        dice: Dice, random: np.random.Generator,
+        rng: RandomSource, random: np.random.Generator,
     ) -> None:  # fmt: skip
         self.objects, self.config, self.random = objects, config, random
-        self.lights, self.distance, self.dice = lights, distance, dice
+        self.lights, self.distance, self.rng = lights, distance, rng
         side = int(config.resized[1])
         # Pages of memory that nothing has been written to cost nothing.
-        self.patches = torch.empty(
-            config.size, 4, side, side, dtype=torch.uint8, device=dice.device
-        )
+        self.patches = torch.empty(config.size, 4, side, side, dtype=torch.uint8, device=rng.device)
         self.filled = 0
 
     def grow(self) -> None:
@@ -59,21 +57,21 @@ class OccluderBank:
 
     def draw(self, count: int) -> Tensor:
         """Random patches in the middle of empty ones of full size: (count, 4, 128, 128)."""
-        index = self.dice.whole(count, below=self.filled)
+        index = self.rng.whole(count, below=self.filled)
         margin = PATCH_SIZE - self.patches.shape[-1]
         before = margin // 2
         sides = (before, margin - before, before, margin - before)
         return functional.pad(self.patches[index].float() / 255, sides)
 
     def _render(self, count: int) -> Tensor:
-        dice, side = self.dice, self.patches.shape[-1]
+        rng, side = self.rng, self.patches.shape[-1]
         index = self.objects.draw(self.random, count)
         low, high = np.log(self.distance)
-        distance = torch.exp(dice.uniform(count, between=(low, high))).double()
+        distance = torch.exp(rng.uniform(count, between=(low, high))).double()
         ahead = functional.pad((distance * self.objects.diameters(index))[:, None], (2, 0))
-        poses = Pose(random_rotations(count, dice.generator), ahead)
-        layers = lit_layers(self.objects, index, poses, distance, self.lights, dice)
-        result = torch.zeros(count, 4, side, side, device=dice.device)
+        poses = Pose(random_rotations(count, rng.generator), ahead)
+        layers = lit_layers(self.objects, index, poses, distance, self.lights, rng)
+        result = torch.zeros(count, 4, side, side, device=rng.device)
         for number, layer in enumerate(layers):
             cut = self._cut(layer)
             top, left = (side - cut.shape[-2]) // 2, (side - cut.shape[-1]) // 2
@@ -95,7 +93,7 @@ class OccluderBank:
 
 def lit_layers(
     objects: ObjectSet, index: Tensor, poses: Pose, distance: Tensor, lights: LightConfig,
-    dice: Dice,
+    rng: RandomSource,
 ) -> Tensor:  # fmt: skip
     """Objects (B,) seen in look-at patches, lit: (B, 4, 128, 128), colour × mask and mask.
 

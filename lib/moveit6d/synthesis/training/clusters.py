@@ -16,7 +16,7 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class ClusterConfig:
-    """Shares of the clusters and their ranges of absolute counts; signs are random.
+    """Shares of the clusters and their ranges of the absolute values; signs are random.
 
     The paper draws each of the five clusters equally often. `near` is ours: all six axes within
     `near_range`, where a tracker spends its last cycles.
@@ -53,11 +53,47 @@ CLUSTERS = ("one_small", "one_large", "one_large_rest_small", "all_small", "all_
 
 
 def draw_delta(
-    random: np.random.Generator, config: ClusterConfig, number: int, cluster: str | None = None
+    random: np.random.Generator, config: ClusterConfig, cluster: str | None = None
 ) -> np.ndarray:
-    """Counts (number, 6) float64, each from a random cluster, or all from the named one.
+    """Counts (6,) float64 from a random cluster, or from the named one.
 
     In the first two clusters each of the 13 actions, stop (no counts) among them, is as likely.
+    """
+    shares = np.asarray(config.shares())
+    if cluster is None:
+        cluster = CLUSTERS[int(random.choice(len(CLUSTERS), p=shares / shares.sum()))]
+    small = _draw(random, (config.small_shift,) * 2 + (config.small_rest,) * 4)
+    large = _draw(
+        random, (config.large_shift,) * 2 + (config.large_size,) + (config.large_turn,) * 3
+    )
+    if cluster == "all_small":
+        return small
+    if cluster == "all_large":
+        return large
+    if cluster == "near":
+        return _draw(
+            random, (config.near_shift,) * 2 + (config.near_size,) + (config.near_turn,) * 3
+        )
+    if cluster == "one_large_rest_small":
+        axis = int(random.integers(6))
+        small[axis] = large[axis]
+        return small
+    if cluster in ("one_small", "one_large"):
+        delta = np.zeros(6)
+        action = int(random.integers(13))
+        if action < 12:
+            source = small if cluster == "one_small" else large
+            delta[action // 2] = abs(source[action // 2]) * (1 if action % 2 == 0 else -1)
+        return delta
+    raise InputError(f"Unknown cluster {cluster!r}; known are {', '.join(CLUSTERS)}.")
+
+
+def draw_deltas(
+    random: np.random.Generator, config: ClusterConfig, number: int, cluster: str | None = None
+) -> np.ndarray:
+    """Pose deltas (number, 6) float64, each from a random cluster, or all from the named one.
+
+    In the first two clusters each of the 13 actions, stop among them, is as likely.
     """
     shares = np.asarray(config.shares())
     if cluster is not None and cluster not in CLUSTERS:
@@ -67,11 +103,11 @@ def draw_delta(
         if cluster is not None
         else random.choice(len(CLUSTERS), size=number, p=shares / shares.sum())
     )
-    small = _draw(random, number, (config.small_shift,) * 2 + (config.small_rest,) * 4)
-    large = _draw(
+    small = _draw_many(random, number, (config.small_shift,) * 2 + (config.small_rest,) * 4)
+    large = _draw_many(
         random, number, (config.large_shift,) * 2 + (config.large_size,) + (config.large_turn,) * 3
     )
-    near = _draw(
+    near = _draw_many(
         random, number, (config.near_shift,) * 2 + (config.near_size,) + (config.near_turn,) * 3
     )
     action = random.integers(13, size=number)
@@ -89,7 +125,12 @@ def draw_delta(
     return np.asarray(np.stack([found[name] for name in CLUSTERS])[chosen, np.arange(number)])
 
 
-def _draw(random: np.random.Generator, number: int, ranges: tuple[Range, ...]) -> np.ndarray:
+def _draw(random: np.random.Generator, ranges: tuple[Range, ...]) -> np.ndarray:
+    low, high = np.array(ranges).T
+    return np.asarray(random.uniform(low, high) * random.choice([-1.0, 1.0], len(ranges)))
+
+
+def _draw_many(random: np.random.Generator, number: int, ranges: tuple[Range, ...]) -> np.ndarray:
     low, high = np.array(ranges).T
     shape = (number, len(ranges))
     return np.asarray(random.uniform(low, high, shape) * random.choice([-1.0, 1.0], shape))

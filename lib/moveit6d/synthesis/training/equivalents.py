@@ -12,9 +12,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ..actions import pose_delta
-from ..geometry.crop import Crop
-from ..geometry.pose import Pose
+from ...actions import pose_delta
+from ...geometry.crop import Crop
+from ...geometry.pose import Pose
 
 
 def nearest_delta(
@@ -24,7 +24,7 @@ def nearest_delta(
     """Counts (B, 6) from centred poses (B) to the nearest equivalents of their goals.
 
     `symmetries` are each object's motions (S, 4, 4) of its centred frame, the identity first; the
-    choice is the shortest vector of counts, as in `actions.expert_difference`. `sphere_diameter`
+    choice is the shortest pose delta, as in `actions.expert_difference`. `sphere_diameter`
     (B,) in metres.
     """
     delta = pose_delta(start, goal, sphere_diameter, crop)
@@ -57,7 +57,7 @@ def equivalents(
 
 
 def turned_from(symmetries: Sequence[NDArray[np.float64]], one: Tensor, other: Tensor) -> Tensor:
-    """Angles (B,) in degrees between rotations (B, 3, 3), by the nearest equivalent of the other."""
+    """Degrees (B,) between rotations (B, 3, 3), the other by its nearest equivalent."""
     motions, row = equivalents(symmetries, one.device)
     turn = one[row].mT @ other[row] @ motions[:, :3, :3]
     cosine = ((turn.diagonal(dim1=-2, dim2=-1).sum(-1) - 1) / 2).clamp(-1, 1)

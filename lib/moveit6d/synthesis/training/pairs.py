@@ -1,7 +1,7 @@
 """Training pairs: a start pose's rendering beside an observed patch whose true pose is known.
 
 Never trains. A pair lives in one look-at view, that of the start pose, so that all it needs is an
-orientation, a distance in diameters and the counts to the truth. (For comparison also in an
+orientation, a distance in diameters and the pose delta to the truth. (For comparison also in an
 axis-parallel view; there it matters in which direction the object stands.) Everything is tensor
 arithmetic on the device of the objects: a CPU, or a GPU that draws hundreds of pairs at once.
 """
@@ -17,22 +17,23 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from ..actions import PoseAction, pose_delta
-from ..geometry.crop import PATCH_SIZE, Crop, crop_patches, view_of
-from ..geometry.mesh import Mesh
-from ..geometry.pose import Pose
-from ..geometry.rotation import random_rotations
-from ..observation import Observation
-from ..rendering.renderer import GBuffer
-from ..rendering.shading import shade_plain
-from .augment import AugmentConfig, Dice
-from .clusters import ClusterConfig, draw_delta
+from ...actions import PoseAction, pose_delta
+from ...geometry.crop import PATCH_SIZE, Crop, crop_patches, view_of
+from ...geometry.mesh import Mesh
+from ...geometry.pose import Pose
+from ...geometry.rotation import random_rotations
+from ...observation import Observation
+from ...rendering.renderer import GBuffer
+from ...rendering.shading import shade_plain
+from ..augmentation.augment import AugmentConfig, RandomSource
+from ..augmentation.composing import Composer
+from ..augmentation.hands import HandConfig, HandSource, MadeHands
+from ..augmentation.lighting import LightConfig
+from ..augmentation.occluder_bank import BankConfig
+from ..augmentation.photo_bank import PhotoBank
+from ..objects.object_set import MeshObjects, ObjectSet
+from .clusters import ClusterConfig, draw_deltas
 from .equivalents import nearest_delta
-from .hands import HandConfig, HandSource, MadeHands
-from .lighting import LightConfig
-from .object_set import MeshObjects, ObjectSet
-from .occluder_bank import BankConfig
-from .photo_bank import PhotoBank
 from .views import ViewBatch, ViewConfig, draw_views
 
 
@@ -50,14 +51,12 @@ class PairConfig:
     crop: Crop = "look_at"
     off_axis: float = 0.45  # tangent up to which objects stand beside the axis, if axis-parallel
     zoomed: float = 0.0  # share of pairs of which the patch shows only the middle of the object …
-    zoom: tuple[float, float] = (1.1, 2.0)  # … so many times larger; all counts are larger, too
+    zoom: tuple[float, float] = (1.1, 2.0)  # … so many times larger; the pose delta is larger, too
     # What a policy may move at once, and how far off it may lead, in training on its own states.
     farthest: tuple[float, ...] = (35.0, 35.0, 20.0, 25.0, 25.0, 25.0)
     texture_gain: float = 0.2  # how far the mesh's colours may be from the object's, a channel
     texture_wave: float = 0.0  # the same, changing smoothly over the rendering
-    turned: float = (
-        0.0  # share of pairs that are turned far away from the truth, for the confidence
-    )
+    turned: float = 0.0  # share of pairs that are turned far away, for the confidence
     turned_by: tuple[float, float] = (35.0, 180.0)  # degrees, about any axis
     absent: float = 0.0  # share of pairs of which the picture shows another object or none
 
@@ -66,16 +65,16 @@ class PairConfig:
 class TrainingBatch:
     """Observations and the truth about them, B pairs.
 
-    `counts` (B, 6) take the start to the truth, or to the nearest pose that looks the same if the
-    object declares symmetries; `true_depth` (B, 1, 128, 128) is the true pose's
-    depth as in `Observation.depth`, `true_mask` (B, 1, 128, 128) its silhouette and `visible`
-    (B, 1, 128, 128) what of that nothing covers; `clear` (B, 1, 128, 128) is 1 where nothing would
-    cover the object; `mesh` (B,) is the number of the object, on the CPU, `zoom` (B,) how many times
-    larger than usual the patch shows it (counts, distance and depths are in diameters divided by
-    that), `rotation` (B, 3, 3) the start's in its view and `direction` (B, 2) x / z and y / z of its
-    centre there, 0 in a look-at view. `present` (B,) is 1 where the picture shows the object at all,
-    `near` (B,) where it does and the truth is within `PairConfig.farthest`: only there is there a
-    displacement to learn. `views` are templates for the descriptors, if any were drawn.
+    `delta` (B, 6) takes the start to the truth, or to the nearest pose that looks the same if the
+    object declares symmetries; `true_depth` (B, 1, 128, 128) is the true pose's depth as in
+    `Observation.depth`, `true_mask` (B, 1, 128, 128) its silhouette and `visible` (B, 1, 128, 128)
+    what of that nothing covers; `clear` (B, 1, 128, 128) is 1 where nothing would cover the object;
+    `mesh` (B,) is the number of the object, on the CPU, `zoom` (B,) how many times larger than
+    usual the patch shows it (delta, distance and depths are in diameters divided by that),
+    `rotation` (B, 3, 3) the start's in its view and `direction` (B, 2) x / z and y / z of its
+    centre there, 0 in a look-at view. `present` (B,) is 1 where the picture shows the object at
+    all, `near` (B,) where it does and the truth is within `PairConfig.farthest`: what is farther
+    only teaches the confidence. `views` are templates for the descriptors, if any were drawn.
     """
 
     observation: Observation
@@ -117,9 +116,9 @@ class PairGenerator:
         self.random = np.random.default_rng(seed)
         self.generator = torch.Generator(self.device)
         self.generator.manual_seed(int(self.random.integers(2**62)))
-        self.dice = Dice(self.generator)
+        self.rng = RandomSource(self.generator)
         pictures = photos if isinstance(photos, PhotoBank) else PhotoBank(photos, self.device)
-        self.composer = Composer(pictures, config.augment, config.lights, self.dice)
+        self.composer = Composer(pictures, config.augment, config.lights, self.rng)
         others = objects if occluders is None else _objects(occluders)
         self.composer.use_bank(config.bank, others, config.distance, self.random)
         if config.hands.share > 0:
@@ -131,11 +130,11 @@ class PairGenerator:
     def batch(self, size: int, cluster: str | None = None) -> TrainingBatch:
         """`size` new pairs, of one named cluster if given."""
         index = self.objects.draw(self.random, size)
-        delta = draw_delta(self.random, self.config.clusters, size, cluster)
+        delta = draw_deltas(self.random, self.config.clusters, size, cluster)
         return self.compose(index, torch.from_numpy(self._turned(delta)))
 
     def compose(self, index: Tensor, delta: Tensor) -> TrainingBatch:
-        """Pairs of the given objects (B,) whose truth lies `counts` (B, 6) away from the start."""
+        """Pairs of the given objects (B,) whose truth lies a `delta` (B, 6) away from the start."""
         batch, crop, device = len(index), self.config.crop, self.device
         zoom = self._zoom(batch).to(device)
         diameter = self.objects.diameters(index) / zoom
@@ -165,14 +164,14 @@ class PairGenerator:
         if not self.config.views.share:
             return pairs
         views = draw_views(pairs, start, truth, diameter, self.objects, self.config.views,
-                           self.dice, self._rendering)  # fmt: skip
+                           self.rng, self._rendering)  # fmt: skip
         return TrainingBatch(**{**vars(pairs), "views": views})
 
     def advance(self, batch: TrainingBatch, moves: Tensor) -> TrainingBatch:
         """The same pictures as they look after a policy's moves (B, 6), with new renderings.
 
-        So that a network is trained on the states that it leads to (docs/method.md). A move that
-        would lose the object, or that leads from near it to farther away than `farthest`, is not made.
+        So that a network is trained on the states that it leads to (docs/method.md). A move is not
+        made if it would lose the object, or lead from near it to farther away than `farthest`.
         """
         diameter = self.objects.diameters(batch.mesh) / batch.zoom
         depth = batch.observation.distance.double() * diameter
@@ -208,7 +207,7 @@ class PairGenerator:
         return [self.objects.symmetries(number) for number in index.tolist()]
 
     def _turned(self, delta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The counts with a far turn instead of theirs in a share of the pairs."""
+        """The deltas with a far turn instead of theirs in a share of the pairs."""
         if not self.config.turned:
             return delta
         number = len(delta)
@@ -258,7 +257,7 @@ class PairGenerator:
         return torch.from_numpy(np.where(chosen, larger, 1.0))
 
     def _within(self, delta: Tensor) -> Tensor:
-        """Which counts (B, 6) lie within `farthest`: bool (B,)."""
+        """Which deltas (B, 6) lie within `farthest`: bool (B,)."""
         far = torch.tensor(self.config.farthest, dtype=delta.dtype, device=delta.device)
         return (delta.abs() <= far).all(-1)
 

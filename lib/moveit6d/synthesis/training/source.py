@@ -45,7 +45,7 @@ class PairSource:
     pairs: PairConfig
     symmetric: float = 0.0
     occluders: tuple[Path, ...] = ()
-    bare: float = 0.0
+    untextured: float = 0.0
     shape_share: float = 0.7  # on a GPU: pairs of made shapes for each pair of a mesh
 
     def load_photos(self, random: np.random.Generator) -> list[np.ndarray]:

@@ -13,11 +13,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ..geometry.mesh import Mesh, sphere_diameters
-from ..geometry.pose import Pose
-from ..rendering.cuda_renderer import BankRenderer
-from ..rendering.embree import EmbreeRenderer
-from ..rendering.renderer import GBuffer
+from ...geometry.mesh import Mesh, sphere_diameters
+from ...geometry.pose import Pose
+from ...rendering.cuda_renderer import BankRenderer
+from ...rendering.embree import EmbreeRenderer
+from ...rendering.renderer import GBuffer
 
 
 class ObjectSet(Protocol):
@@ -72,7 +72,7 @@ class MeshObjects:
 
 
 class BankObjects:
-    """Some slots of a bank, rendered all at once; of `groups` of slots each is drawn by its share."""
+    """Slots of a bank, rendered all at once; each of the `groups` is drawn by its share."""
 
     def __init__(
         self, renderer: BankRenderer, groups: Sequence[Sequence[int]], shares: Sequence[float]

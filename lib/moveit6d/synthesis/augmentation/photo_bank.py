@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .augment import Dice
+from .augment import RandomSource
 
 SMALLEST = 48  # pixels: side of the smallest square that is cut
 
@@ -28,16 +28,16 @@ class PhotoBank:
         self.first = torch.from_numpy(first).to(device)
         self.height, self.width = torch.from_numpy(sizes).to(device).unbind(1)
 
-    def squares(self, count: int, size: int, dice: Dice) -> Tensor:
+    def squares(self, count: int, size: int, rng: RandomSource) -> Tensor:
         """Random squares of random photos, mirrored half of the time: (count, 3, size, size)."""
-        chosen = dice.whole(count, below=len(self.first))
+        chosen = rng.whole(count, below=len(self.first))
         height, width = self.height[chosen], self.width[chosen]
         most = torch.minimum(height, width).float()
         least = most.clamp_max(SMALLEST)
-        share = dice.uniform(4, count)
+        share = rng.uniform(4, count)
         side = (least + share[0] * (most - least + 1)).floor().clamp_max(most)
         left, top = share[1] * (width - side), share[2] * (height - side)
-        line = (dice.line(size) + 0.5) / size  # (size,)
+        line = (rng.line(size) + 0.5) / size  # (size,)
         across = torch.where(share[3, :, None] < 0.5, line, 1 - line)
         x = (left[:, None] + across * side[:, None] - 0.5).clamp_min(0)
         y = (top[:, None] + line * side[:, None] - 0.5).clamp_min(0)

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from ..actions import PoseAction
-from ..geometry.crop import crop_patches, look_at
-from ..geometry.pose import Pose
-from ..geometry.rotation import exp_so3, random_rotations
-from ..rendering.renderer import GBuffer
-from .augment import Dice
+from ...actions import PoseAction
+from ...geometry.crop import crop_patches, look_at
+from ...geometry.pose import Pose
+from ...geometry.rotation import exp_so3, random_rotations
+from ...rendering.renderer import GBuffer
+from ..augmentation.augment import RandomSource
+from ..objects.object_set import ObjectSet
 from .equivalents import turned_from
-from .object_set import ObjectSet
 
 if TYPE_CHECKING:
     from .pairs import TrainingBatch
@@ -68,9 +68,9 @@ class ViewBatch:
 
 def draw_views(
     pairs: TrainingBatch, start: Pose, truth: Pose, diameter: Tensor, objects: ObjectSet,
-    config: ViewConfig, dice: Dice, rendering: Callable[[GBuffer], Tensor],
+    config: ViewConfig, rng: RandomSource, rendering: Callable[[GBuffer], Tensor],
 ) -> ViewBatch:  # fmt: skip
-    """Views of the first pairs of a batch; those that show something else are as invisible."""
+    """Views of the first pairs of a batch; where something else is shown none is visible."""
     count = config.count(len(pairs.mesh))
     start, truth, diameter, index = (
         start[:count],
@@ -78,7 +78,7 @@ def draw_views(
         diameter[:count],
         pairs.mesh[:count],
     )
-    off = dice.uniform(count, 3, between=(-1.0, 1.0)).double()
+    off = rng.uniform(count, 3, between=(-1.0, 1.0)).double()
     off = off * torch.tensor([config.shift, config.shift, config.size]).to(off)
     centre = PoseAction.from_delta(torch.cat([off, torch.zeros_like(off)], 1)).apply_centred(
         truth, diameter
@@ -91,7 +91,7 @@ def draw_views(
     whole = layers[:, 4].flatten(1).sum(1)
     usable = pairs.present[:count] * (whole > 40)
     visible = usable * layers[:, 3].flatten(1).sum(1) / whole.clamp_min(1)
-    turns = _turns(count, config, dice)  # (N, 1 + K, 3, 3)
+    turns = _turns(count, config, rng)  # (N, 1 + K, 3, 3)
     seen = (view.rotation @ truth.rotation)[:, None]
     rotation = (turns @ seen).flatten(0, 1)
     each = index.repeat_interleave(config.others + 1)
@@ -99,25 +99,25 @@ def draw_views(
     angle = turned_from(symmetries, rotation, seen.expand_as(turns).flatten(0, 1))
     right = (angle < config.equivalent).float().reshape(count, -1)
     right[:, 0] = 1
-    distance = dice.uniform(len(each), between=config.distance).double()
+    distance = rng.uniform(len(each), between=config.distance).double()
     size = objects.diameters(each)
     ahead = torch.nn.functional.pad((distance * size)[:, None], (2, 0))
     poses = Pose(rotation, ahead)
     drawn = objects.render(each, poses, look_at(poses, size).intrinsics)
     shape = (count, config.others + 1)
-    return ViewBatch(
-        layers[:, :3], rendering(drawn).unflatten(0, shape), drawn.mask.unflatten(0, shape),
-        right, visible,
-    )  # fmt: skip
+    templates, masks = (
+        part.reshape(*shape, *part.shape[1:]) for part in (rendering(drawn), drawn.mask)
+    )
+    return ViewBatch(layers[:, :3], templates, masks, right, visible)
 
 
-def _turns(count: int, config: ViewConfig, dice: Dice) -> Tensor:
+def _turns(count: int, config: ViewConfig, rng: RandomSource) -> Tensor:
     """Turns (N, 1 + K, 3, 3) from the truth to the templates."""
     number = config.others + 1
-    axis = torch.nn.functional.normalize(dice.normal(count, number, 3).double(), dim=-1)
-    angle = dice.uniform(count, number, 1, between=config.turned).double()
-    angle[:, 0] = dice.uniform(count, 1).double() * config.near
+    axis = torch.nn.functional.normalize(rng.normal(count, number, 3).double(), dim=-1)
+    angle = rng.uniform(count, number, 1, between=config.turned).double()
+    angle[:, 0] = rng.uniform(count, 1).double() * config.near
     turns = exp_so3(axis * torch.deg2rad(angle))
-    anyhow = random_rotations(count * number, dice.generator).reshape(turns.shape)
+    anyhow = random_rotations(count * number, rng.generator).reshape(turns.shape)
     free = torch.arange(number, device=turns.device) > (number + 1) // 2
     return torch.where(free[None, :, None, None], anyhow, turns)
