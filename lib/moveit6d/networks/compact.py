@@ -155,21 +155,11 @@ class CompactCorrelationNet(nn.Module):
             self.coarse_index,
             self.config.radius,
         )  # (B, offsets, 16, 16)
-        if matching_only:
-            image8, render8 = image8.detach(), render8.detach()
         matching = correlation * self.temperature.exp()
-        volume = correlation.detach() if matching_only else correlation
-        share = torch.softmax(volume * self.temperature.exp(), 1)
-        # Not a matrix product, whose numbers may be too short for places.
-        first = torch.stack(
-            [(share * self.offsets[:, c, None, None]).sum(1) for c in (0, 1)], 1
-        )  # cells
+        if matching_only:
+            image8, render8, correlation = image8.detach(), render8.detach(), correlation.detach()
         context = self.context(side_by_side(image8, render8, self.geometry8(geometry4)))
-        hidden = self.decode(side_by_side(self.volume(volume * 4), first / 8, context))
-        around = functional.interpolate(self.decode16(hidden), scale_factor=2.0, mode="nearest")
-        hidden = self.merge(torch.relu(hidden + around))
-        coarse = _dense_prediction(self.answer(hidden), first * 8, 8.0)
-
+        hidden, coarse = self._decode(correlation, context)
         fine, fine_hidden, likeness = self._refine(shared4, geometry4, hidden, coarse, batch)
         solved, residual = self._solve(observation, depth, fine)
 
@@ -182,7 +172,7 @@ class CompactCorrelationNet(nn.Module):
         values = self.head(torch.cat([attended, near, solved / 10], 1))
         delta = solved + values[:, :6] * HEAD_SCALE
         # The confidence must not bend what the displacements are made of.
-        facts = self._facts(fine, object4, object8, volume, likeness, delta, residual)
+        facts = self._facts(fine, object4, object8, correlation, likeness, delta, residual)
         pooled = [attended, attention_pool(hidden, object8), near,
                   functional.adaptive_max_pool2d(fine_hidden * object4, 1)[..., 0, 0]]  # fmt: skip
         confidence = self.confidence_head(torch.cat([*pooled, facts.detach()], 1))[:, 0]
@@ -190,6 +180,17 @@ class CompactCorrelationNet(nn.Module):
         return CorrelationOutput(
             matching.flatten(2).mT, coarse, fine, solved, confidence, prediction, described
         )  # fmt: skip
+
+    def _decode(self, volume: Tensor, context: Tensor) -> tuple[Tensor, DensePrediction]:
+        """Features and answers at stride 8 from the correlation volume and its context."""
+        share = torch.softmax(volume * self.temperature.exp(), 1)
+        # Not a matrix product, whose numbers may be too short for places.
+        parts = [(share * self.offsets[:, c, None, None]).sum(1) for c in (0, 1)]
+        first = torch.stack(parts, 1)  # cells
+        hidden = self.decode(side_by_side(self.volume(volume * 4), first / 8, context))
+        around = functional.interpolate(self.decode16(hidden), scale_factor=2.0, mode="nearest")
+        hidden = self.merge(torch.relu(hidden + around))
+        return hidden, _dense_prediction(self.answer(hidden), first * 8, 8.0)
 
     def _facts(
         self,

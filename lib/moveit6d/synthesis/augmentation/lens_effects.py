@@ -125,12 +125,14 @@ def sharpen(picture: Tensor, config: AugmentConfig, rng: RandomSource) -> Tensor
     return picture
 
 
-def degrade(picture: Tensor, gamma: Tensor, config: AugmentConfig, rng: RandomSource) -> Tensor:
+def degrade(
+    picture: Tensor, gamma: Tensor, config: AugmentConfig, rng: RandomSource, groups: int = 4
+) -> Tensor:
     """Lower resolution, colours as a screen wants them, JPEG; one setting a group of the batch.
 
     Pixels of the sensor add up light: that is before the exponents 1 / gamma (B, 1, 1, 1).
     """
-    size, groups = picture.shape[-1], 4 if len(picture) < 256 else 8
+    size = picture.shape[-1]
     parts = []
     for part, exponent in zip(picture.chunk(groups), gamma.chunk(groups), strict=True):
         small = part
