@@ -107,12 +107,11 @@ def test_descriptors_that_know_the_view_cost_less_than_ones_that_do_not() -> Non
     views = replace(views, visible=torch.ones_like(views.visible))
     temperature = torch.tensor(2.3)
     mesh = torch.arange(len(views.image))
-    random = torch.randn(
-        len(views.image), 5, 32, 16, 16, generator=torch.Generator().manual_seed(0)
-    )
+    generator = torch.Generator().manual_seed(0)
+    image, *templates = torch.randn(5, len(views.image), 32, 16, 16, generator=generator)
     # The right template has the picture's own descriptors, the others any.
-    knowing = torch.cat([random[:, 0], torch.cat([random[:, :1], random[:, 2:]], 1).flatten(0, 1)])
-    lost = torch.cat([random[:, 0], random[:, 1:].flatten(0, 1)])
+    knowing = torch.cat([image, torch.stack([image, *templates[1:]], 1).flatten(0, 1)])
+    lost = torch.cat([image, torch.stack(templates, 1).flatten(0, 1)])
     costs = [float(view_loss(d, views, mesh, temperature)) for d in (knowing, lost)]
     assert costs[0] < 0.1 and costs[1] > 2.0
 
@@ -124,7 +123,7 @@ def test_invisible_objects_teach_no_descriptors() -> None:
     gone = replace(views, visible=torch.zeros_like(views.visible))
     loss = view_loss(described, gone, torch.arange(len(views.image)), torch.tensor(2.3))
     loss.backward()
-    assert float(loss) == 0 and described.grad is not None and described.grad.abs().max() == 0
+    assert loss.item() == 0 and described.grad is not None and described.grad.abs().max() == 0
 
 
 def test_far_and_absent_pairs_teach_the_confidence_alone(batch: TrainingBatch) -> None:
