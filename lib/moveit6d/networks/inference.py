@@ -18,7 +18,7 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 from ..observation import Observation
 from .action_net import ActionNet
 from .bfloat16 import Bfloat16Convolutions
-from .correlation import CorrelationNet
+from .kinds import PoseNet
 from .policy_output import PolicyOutput
 
 # Batches up to this size are traced, one trace a size; in larger ones Python's share is small.
@@ -46,7 +46,7 @@ class InferenceNetwork:
     the time would be Python's, run as a TorchScript trace of the same network.
     """
 
-    def __init__(self, network: CorrelationNet | ActionNet, compute: Compute = "auto") -> None:
+    def __init__(self, network: PoseNet, compute: Compute = "auto") -> None:
         network = folded(network)
         self.is_bfloat16 = compute == "bfloat16" or (compute == "auto" and is_bfloat16_fast())
         if self.is_bfloat16:
@@ -85,7 +85,7 @@ class InferenceNetwork:
 class _Plain(nn.Module):
     """Tensors in and out, as a trace needs it: logits, confidence, attention, perhaps a delta."""
 
-    def __init__(self, network: CorrelationNet | ActionNet) -> None:
+    def __init__(self, network: PoseNet) -> None:
         super().__init__()
         self.network = network
 
