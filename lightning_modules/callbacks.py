@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytorch_lightning as pl
+import torch
+from torch import Tensor
 
 from moveit6d.networks.weights_file import WEIGHTS_NAME
 
@@ -44,21 +46,21 @@ class FigureLine(pl.Callback):
 
     def __init__(self, every_n_steps: int = 100) -> None:
         self.every = every_n_steps
-        self.sums: dict[str, float] = {}
+        self.sums: dict[str, tuple[Tensor, int]] = {}
         self.start = time.monotonic()
 
     def on_train_batch_end(
         self, trainer: pl.Trainer, pl_module: pl.LightningModule, *_: Any
     ) -> None:
         """Add this step's terms; print and forget them if it is time."""
-        for name, value in trainer.callback_metrics.items():
-            if name.startswith("train/"):
-                short = name.removeprefix("train/")
-                self.sums[short] = self.sums.get(short, 0.0) + float(value)
+        assert isinstance(pl_module, PoseActionModule)
+        for name, value in pl_module.values.items():  # stay where they are: no step waits for them
+            total, number = self.sums.get(name, (torch.zeros_like(value), 0))
+            self.sums[name] = total + value, number + 1
         if trainer.global_step % self.every == 0 and trainer.is_global_zero:
-            means = " ".join(f"{n} {v / self.every:.3f}" for n, v in self.sums.items())
+            means = " ".join(f"{n} {float(v) / k:.3f}" for n, (v, k) in self.sums.items())
             minutes = (time.monotonic() - self.start) / 60
-            print(f"step {trainer.global_step} {minutes:.1f} min: {means}", flush=True)
+            print(f"step {trainer.global_step} {minutes:.2f} min: {means}", flush=True)
             self.sums = {}
 
     def on_validation_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:

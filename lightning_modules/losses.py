@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from moveit6d.actions import expert_action
-from moveit6d.networks.correlation import CorrelationOutput
+from moveit6d.networks.correlation import GREY, CorrelationOutput
 from moveit6d.networks.dense_prediction import DensePrediction
 from moveit6d.networks.least_squares import (
     cell_pixels,
@@ -22,8 +22,10 @@ from moveit6d.networks.least_squares import (
     slanted,
     surface_points,
 )
+from moveit6d.networks.matching import centred
 from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.synthesis.training.pairs import TrainingBatch
+from moveit6d.synthesis.training.views import ViewBatch
 
 FARTHEST = 45.0  # pixels; cells that moved farther teach nothing
 RIGHT = 0.10  # mean point error in diameters under which a pose counts as right, as ADD < 10 % d
@@ -43,8 +45,9 @@ class LossWeights:
     delta: float = 1.5
     points: float = 2.0
     actions: float = 0.1
-    confidence: float = 0.1
-    # A unit of t_z moves a far object by a tenth of its diameter, so it must be the most exact.
+    confidence: float = 0.2
+    views: float = 0.1
+    # A count of t_z moves a far object by a tenth of its diameter, so it must be the most exact.
     scale: tuple[float, float, float, float, float, float] = (4.0, 4.0, 2.0, 4.0, 4.0, 4.0)
     beta: float = 0.15
 
@@ -90,6 +93,14 @@ def correlation_losses(
     assert delta is not None
     error = point_error(batch, delta)
     right = is_right(batch, error.detach())
+    near = batch.near
+
+    def regression(found: Tensor) -> Tensor:
+        loss = functional.smooth_l1_loss(
+            found / scale, batch.delta / scale, beta=weights.beta, reduction="none"
+        )
+        return _mean_of(loss.mean(1), near)
+
     return {
         "matching": matching_loss(output.matching, coarse, radius),
         "coarse": coarse_flow,
@@ -97,14 +108,17 @@ def correlation_losses(
         "shape": shape_loss(output.fine, fine),
         "visibility": coarse_seen + fine_seen,
         "weight": coarse_weight + fine_weight,
-        "solved": functional.smooth_l1_loss(
-            output.solved / scale, batch.delta / scale, beta=weights.beta
-        ),
-        "delta": functional.smooth_l1_loss(delta / scale, batch.delta / scale, beta=weights.beta),
-        "points": error.clamp_max(1.0).mean(),
+        "solved": regression(output.solved),
+        "delta": regression(delta),
+        "points": _mean_of(error.clamp_max(1.0), near),
         "actions": action_loss(output.prediction, batch),
         "confidence": functional.binary_cross_entropy_with_logits(output.confidence_logit, right),
     }
+
+
+def _mean_of(values: Tensor, weight: Tensor) -> Tensor:
+    """Weighted mean of values (B,)."""
+    return (values * weight).sum() / weight.sum().clamp_min(1)
 
 
 def matching_loss(logits: Tensor, truth: DenseTruth, radius: int) -> Tensor:
@@ -135,7 +149,10 @@ def action_loss(prediction: PolicyOutput, batch: TrainingBatch) -> Tensor:
 
     It stands in for the paper's Hamming distance of one-hot vectors, which has no useful gradient.
     """
-    return functional.cross_entropy(prediction.logits, expert_action(batch.delta))
+    loss = functional.cross_entropy(
+        prediction.logits.float(), expert_action(batch.delta), reduction="none"
+    )
+    return _mean_of(loss, batch.near)
 
 
 def is_right(batch: TrainingBatch, error: Tensor) -> Tensor:
@@ -143,11 +160,11 @@ def is_right(batch: TrainingBatch, error: Tensor) -> Tensor:
 
     By the object as it is, however large the patch shows it.
     """
-    return (error < RIGHT * batch.zoom.to(error)).float()
+    return (error < RIGHT * batch.zoom.to(error)).float() * batch.present
 
 
 def point_error(batch: TrainingBatch, delta: Tensor) -> Tensor:
-    """Mean distance (B,) of visible surface points after the update and at the truth, diameters.
+    """Mean distance (B,) of visible-side surface points after the move and at the truth, diameters.
 
     An ADD over the half of the surface that the rendering shows.
     """
@@ -196,3 +213,58 @@ def shape_loss(answer: DensePrediction, truth: DenseTruth) -> Tensor:
 def _mean_entropy(logits: Tensor, target: Tensor, where: Tensor) -> Tensor:
     entropy = functional.binary_cross_entropy_with_logits(logits, target, reduction="none")
     return (entropy * where).sum() / where.sum().clamp_min(1)
+
+
+_NEVER = -10.0  # the score of what is not to be chosen; an infinite one has no gradient
+# Cells by which a template is put beside its place.
+_BESIDE = ((3, 0), (-3, 0), (0, 3), (0, -3), (4, 4), (-4, 4), (4, -4), (-4, -4), (6, 0), (0, 6))
+
+
+def view_pictures(views: ViewBatch) -> Tensor:
+    """The pictures and then the templates of views, as the encoder sees them: (N (2 + K), 3, …)."""
+    templates, masks = views.templates.flatten(0, 1), views.masks.flatten(0, 1)
+    return torch.cat([views.image, (templates - GREY) * masks + GREY])
+
+
+def view_loss(described: Tensor, views: ViewBatch, mesh: Tensor, temperature: Tensor) -> Tensor:
+    """How well descriptors of `view_pictures` tell the right template and its place from others.
+
+    Cross-entropy of the right template among those of other sides and other objects, and of its
+    place among those beside it and in other pictures; scores are mean cosines on the template.
+    """
+    count, each = views.masks.shape[:2]
+    described = functional.normalize(centred(described.float()), dim=1)
+    image = described[:count]
+    templates = described[count:].reshape(count, each, *image.shape[1:])
+    masks = (functional.avg_pool2d(views.masks.flatten(0, 1), 8) > 0.5).float()
+    masks = masks.reshape(count, each, *masks.shape[1:])  # (N, 1 + K, 1, 16, 16)
+    size = masks.flatten(2).sum(2).clamp_min(1)
+    masked = templates * masks
+    own = (masked * image[:, None]).flatten(2).sum(2) / size  # (N, 1 + K)
+    across = image.flatten(1) @ masked[:, 0].flatten(1).T / size[None, :, 0]  # (picture, template)
+    mesh = mesh[:count].to(across.device)
+    never = across.new_tensor(_NEVER)
+    across = torch.where(mesh[:, None] == mesh[None], never, across)
+    others = torch.where(views.right[:, 1:] > 0.5, never, own[:, 1:])
+    scale = temperature.exp().clamp_max(50.0)
+    weight = views.visible * (views.visible > 0.3) * (size[:, 0] > 4)
+    target = torch.zeros(count, dtype=torch.long, device=image.device)
+    by_view = torch.cat([own[:, :1], others, across], 1) * scale
+    by_place = torch.cat([own[:, :1], _beside(masked[:, 0], masks[:, 0], image), across.T], 1)
+    losses = functional.cross_entropy(by_view, target, reduction="none")
+    losses = losses + functional.cross_entropy(by_place * scale, target, reduction="none")
+    return _mean_of(losses, weight)
+
+
+def _beside(masked: Tensor, mask: Tensor, image: Tensor) -> Tensor:
+    """Scores (N, places) of templates (N, D, 16, 16) that are put in the wrong places."""
+    cells, found = image.shape[-1], []
+    total = mask.flatten(1).sum(1)
+    for x, y in _BESIDE:
+        rows = slice(max(0, -y), cells - max(0, y))
+        columns = slice(max(0, -x), cells - max(0, x))
+        moved = image[..., max(0, y) : cells + min(0, y), max(0, x) : cells + min(0, x)]
+        inside = mask[..., rows, columns].flatten(1).sum(1)
+        score = (masked[..., rows, columns] * moved).flatten(1).sum(1) / inside.clamp_min(1)
+        found.append(torch.where(inside > 0.4 * total, score, _NEVER))
+    return torch.stack(found, 1)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytorch_lightning as pl
@@ -26,18 +26,22 @@ from moveit6d.synthesis.training.pairs import PairConfig, TrainingBatch
 from moveit6d.synthesis.training.shards import shard_stream
 from moveit6d.synthesis.training.source import PairSource, mesh_files
 
+from .bank_pairs import BankStream
+
 
 @dataclass(frozen=True)
 class RolloutConfig:
     """Training on the states that the network itself leads to.
 
-    After each batch of new pictures one more batch shows the same ones after 1 to `iterations`
-    iterations of the network in `weights` (.safetensors; None: what this fit itself exports), which
-    is read anew whenever it changes; no such file yet, or no iterations, no such batches.
+    After each batch of new pictures `cycles` more show the same ones, each after one more cycle of
+    the network: on a GPU of the one in training, else of the one in `weights` (.safetensors; None:
+    what this fit itself exports), which is read anew whenever it changes; no such file yet, or no
+    cycles, no such batches.
     """
 
     weights: Path | None = None
     iterations: int = 0
+    first_step: int = 1000  # training step from which there are such batches
 
 
 class PairDataModule(pl.LightningDataModule):
@@ -61,6 +65,7 @@ class PairDataModule(pl.LightningDataModule):
         seed: of everything random; a resumed run goes on with pairs not seen before.
         pairs: all that is random about a pair.
         rollouts: whether, and how, states that the network itself leads to are trained on.
+        device: `cpu`: worker processes draw pairs; `cuda`: the GPU draws them itself, in batches.
     """
 
     def __init__(
@@ -82,6 +87,7 @@ class PairDataModule(pl.LightningDataModule):
         seed: int = 0,
         pairs: PairConfig | None = None,
         rollouts: RolloutConfig | None = None,
+        device: Literal["cpu", "cuda"] = "cpu",
     ) -> None:
         super().__init__()
         self.folder, self.mesh_unit, self.holdout = meshes, mesh_unit, holdout
@@ -93,6 +99,7 @@ class PairDataModule(pl.LightningDataModule):
         self.validation_batches, self.seed = validation_batches, seed
         self.pairs = pairs or PairConfig()
         self.rollouts = rollouts or RolloutConfig()
+        self.device = device
         self._validation: list[TrainingBatch] = []
 
     def mesh_paths(self) -> tuple[list[Path], list[Path]]:
@@ -112,6 +119,12 @@ class PairDataModule(pl.LightningDataModule):
     def train_dataloader(self) -> DataLoader[TrainingBatch]:
         """Pairs without end; a resumed training sees new ones, and each process its own."""
         stream: IterableDataset[TrainingBatch]
+        if self.device == "cuda":
+            stream = BankStream(
+                self.source(), self.batch_size, (self.seed, self._step()),
+                torch.device("cuda"), self.rollouts.iterations, self._own_delta,
+            )  # fmt: skip
+            return DataLoader(stream, batch_size=None)
         if self.written is not None:
             stream = self._written_stream(self.written)
         else:
@@ -130,6 +143,21 @@ class PairDataModule(pl.LightningDataModule):
             prefetch_factor=6 if self.workers else None,
             persistent_workers=self.workers > 0,
         )
+
+    @torch.no_grad()
+    def _own_delta(self, observation: Observation) -> Tensor | None:
+        """What the network in training predicts; None in its first steps."""
+        trainer = self.trainer
+        assert trainer is not None
+        if trainer.global_step < self.rollouts.first_step:
+            return None
+        network: Any = trainer.lightning_module.network
+        network.eval()
+        image = observation.image
+        with torch.autocast(image.device.type, torch.bfloat16, image.is_cuda):
+            delta: Tensor = network(observation).prediction.delta
+        network.train()
+        return delta.float()
 
     def val_dataloader(self) -> DataLoader[TrainingBatch]:
         """The same few batches each time, of held-out objects, or of all if none is held out."""
@@ -227,9 +255,8 @@ class PairStream(IterableDataset[TrainingBatch]):
                 meshes[place] = self.source.shape(random, photos, files)
             batch = generator.batch(self.batch_size)
             yield batch
-            if student.ready():
-                for _ in range(int(random.integers(1, student.iterations + 1))):
-                    batch = generator.advance(batch, student.moves(batch.observation))
+            for _ in range(student.iterations if student.ready() else 0):
+                batch = generator.advance(batch, student.moves(batch.observation))
                 yield batch
 
 
@@ -271,7 +298,7 @@ class _Student:
         return True
 
     def moves(self, observation: Observation) -> Tensor:
-        """Its pose delta (B, 6) for a batch."""
+        """Its six counts (B, 6) for a batch."""
         assert self.network is not None
         delta = self.network(observation).delta
         if delta is None:

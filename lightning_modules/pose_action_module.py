@@ -6,6 +6,7 @@ Never draws data. One class for both networks; the losses are in `losses`.
 from __future__ import annotations
 
 import math
+import time
 from pathlib import Path
 from typing import Any
 
@@ -17,21 +18,33 @@ from torch.nn.utils import convert_conv2d_weight_memory_format
 from moveit6d.actions import expert_action
 from moveit6d.errors import InputError
 from moveit6d.networks.action_net import ActionNet
-from moveit6d.networks.correlation import CorrelationNet
+from moveit6d.networks.compact import CompactCorrelationNet
+from moveit6d.networks.kinds import PoseNet
 from moveit6d.networks.weights_file import begin_from, load_network, save_network
 from moveit6d.synthesis.training.pairs import TrainingBatch
 
-from .losses import LossWeights, action_loss, correlation_losses, is_right, point_error
+from .losses import (
+    LossWeights,
+    action_loss,
+    correlation_losses,
+    is_right,
+    point_error,
+    view_loss,
+    view_pictures,
+)
+
+LOGGED = 50  # training steps between logged terms: on a GPU each is waited for
 
 
 class PoseActionModule(pl.LightningModule):
-    """Trains a `CorrelationNet` or an `ActionNet` on `TrainingBatch`es.
+    """Trains any of `networks.kinds` on `TrainingBatch`es.
 
     Args:
         network: the network to train; None: the one in `init_from`.
         learning_rate: at its peak, after `warmup_steps`.
         schedule: `cosine` to 2 % of the peak at `total_steps`, or `paper`: 5 % less every 1,000.
         total_steps: length of the cosine.
+        minutes: length of the cosine in time, if that ends first: for machines that are lent.
         matching_steps: first steps in which only the matching reaches the encoder.
         weights: weights of the loss terms.
         init_from: weights file (.safetensors) to start from instead of random numbers; of a network
@@ -40,10 +53,11 @@ class PoseActionModule(pl.LightningModule):
 
     def __init__(
         self,
-        network: CorrelationNet | ActionNet | None = None,
+        network: PoseNet | None = None,
         learning_rate: float = 1.5e-3,
         schedule: str = "cosine",
         total_steps: int = 20_000,
+        minutes: float | None = None,
         warmup_steps: int = 40,
         weight_decay: float = 1e-4,
         matching_steps: int = 500,
@@ -57,8 +71,14 @@ class PoseActionModule(pl.LightningModule):
         convert_conv2d_weight_memory_format(self.network, torch.channels_last)  # faster on CPUs
         self.learning_rate, self.schedule = learning_rate, schedule
         self.total_steps, self.warmup_steps = total_steps, warmup_steps
+        self.minutes, self._begin = minutes, time.monotonic()
         self.weight_decay, self.matching_steps = weight_decay, matching_steps
         self.weights = weights or LossWeights()
+        self.values: dict[str, Tensor] = {}  # terms of the last training step
+
+    def on_train_start(self) -> None:
+        """Time counts from here."""
+        self._begin = time.monotonic()
 
     def on_fit_start(self) -> None:
         """`InputError` if the pairs show other crops than the network says that it is made for."""
@@ -78,10 +98,11 @@ class PoseActionModule(pl.LightningModule):
 
     def training_step(self, batch: TrainingBatch, _: int) -> Tensor:
         """One loss; its terms are logged as `train/NAME`."""
-        loss, values = self._shared_step(batch)
+        loss, self.values = self._shared_step(batch)
         size = len(batch.delta)
-        self.log_dict({f"train/{name}": value for name, value in values.items()}, batch_size=size)
-        self.log("loss", loss, prog_bar=True, batch_size=size)
+        if self.global_step % LOGGED == 0:
+            named = {f"train/{name}": value for name, value in self.values.items()}
+            self.log_dict({"loss": loss, **named}, batch_size=size)
         return loss
 
     def validation_step(self, batch: TrainingBatch, _: int) -> None:
@@ -100,17 +121,25 @@ class PoseActionModule(pl.LightningModule):
             right = prediction.logits.argmax(-1) == expert_action(batch.delta)
             return loss, {"actions": loss.detach(), "accuracy": right.float().mean()}
         early = self.training and self.global_step < self.matching_steps
-        output = self.network(batch.observation, matching_only=early)
-        terms = correlation_losses(output, batch, self.network.config.radius, self.weights)
+        network, views = self.network, batch.views
+        if isinstance(network, CompactCorrelationNet) and views is not None:
+            output = network(batch.observation, early, view_pictures(views))
+        else:
+            output = network(batch.observation, early)
+        terms = correlation_losses(output, batch, network.config.radius, self.weights)
+        if output.described is not None:
+            assert isinstance(network, CompactCorrelationNet) and views is not None
+            temperature = network.view_temperature
+            terms["views"] = view_loss(output.described, views, batch.mesh, temperature)
         loss = torch.stack(
             [value * getattr(self.weights, name) for name, value in terms.items()]
         ).sum()
         values = {name: value.detach() for name, value in terms.items()}
         delta = output.prediction.delta
         assert delta is not None
-        values["error_left"] = (
-            (delta - batch.delta).abs().sum() / batch.delta.abs().sum()
-        ).detach()
+        near = batch.near[:, None]
+        left = ((delta - batch.delta).abs() * near).sum()
+        values["error_left"] = (left / (batch.delta.abs() * near).sum()).detach()
         values["right"] = is_right(batch, point_error(batch, delta.detach())).mean()
         return loss, values
 
@@ -130,6 +159,8 @@ class PoseActionModule(pl.LightningModule):
         if self.schedule == "paper":
             return float(start * 0.95 ** (step / 1000))
         share = min(1.0, step / self.total_steps)
+        if self.minutes is not None:
+            share = min(1.0, max(share, (time.monotonic() - self._begin) / 60 / self.minutes))
         return float(start * max(0.02, 0.5 * (1 + math.cos(math.pi * share))))
 
     def export(self, path: Path, facts: dict[str, str]) -> None:
@@ -137,9 +168,7 @@ class PoseActionModule(pl.LightningModule):
         save_network(self.network, path, {**facts, "steps": str(self.global_step)})
 
 
-def _network(
-    network: CorrelationNet | ActionNet | None, init_from: Path | None
-) -> CorrelationNet | ActionNet:
+def _network(network: PoseNet | None, init_from: Path | None) -> PoseNet:
     """What to train, in training mode, which what is loaded is not."""
     if network is None:
         if init_from is None:

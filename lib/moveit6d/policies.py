@@ -20,8 +20,8 @@ from .errors import InputError
 from .geometry.crop import Crop
 from .geometry.pose import Pose
 from .networks.action_net import ActionNet
-from .networks.correlation import CorrelationNet
 from .networks.inference import Compute, InferenceNetwork
+from .networks.kinds import PoseNet
 from .networks.policy_output import PolicyOutput
 from .networks.weights_file import load_network
 from .observation import Observation, mirrored, rotated
@@ -83,7 +83,7 @@ class NetworkPolicy:
 
     def __init__(
         self,
-        network: CorrelationNet | ActionNet,
+        network: PoseNet,
         source: str = "",
         compute: Compute = "auto",
         device: str | torch.device = "cpu",

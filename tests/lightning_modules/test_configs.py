@@ -23,7 +23,8 @@ from tests.support.pairs import CONFIGS, photos, preset
 
 ROOT = CONFIGS.parent
 FITS = sorted((CONFIGS / "fit").glob("*.yaml"))
-OVERLAYS = sorted((CONFIGS / "overlay").glob("*.yaml"))
+GPU_PAIRS = CONFIGS / "overlay" / "gpu_pairs.yaml"  # instead of the others, not beside them
+OVERLAYS = [one for one in sorted((CONFIGS / "overlay").glob("*.yaml")) if one != GPU_PAIRS]
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -42,12 +43,19 @@ def test_every_configuration_is_read_with_every_overlay(path: Path) -> None:
         assert data.source().shapes == 1, "without meshes one made object, which stays"
 
 
+@pytest.mark.filterwarnings("ignore")
+def test_a_gpu_can_draw_the_pairs_itself() -> None:
+    data = read_data([f"--config={CONFIGS / 'fit' / 'compact.yaml'}", f"--config={GPU_PAIRS}"])
+    assert (data.device, data.workers, data.batch_size) == ("cuda", 0, 512)
+    assert data.pairs == preset("linear_light")
+
+
 def keys(values: Any) -> Any:
     """The names in a nested dictionary."""
     return {name: keys(one) for name, one in values.items()} if isinstance(values, dict) else None
 
 
-@pytest.mark.parametrize("name", ["paper", "realistic"])
+@pytest.mark.parametrize("name", ["paper", "realistic", "linear_light"])
 def test_presets_name_every_value_so_that_one_replaces_the_other(name: str) -> None:
     found = yaml.safe_load((CONFIGS / "pairs" / f"{name}.yaml").read_text(encoding="utf-8"))
     assert keys(found) == keys(dataclasses.asdict(PairConfig()))

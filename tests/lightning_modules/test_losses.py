@@ -14,11 +14,14 @@ from lightning_modules.losses import (
     is_right,
     matching_loss,
     point_error,
+    view_loss,
+    view_pictures,
 )
 from moveit6d.networks.correlation import CorrelationNet
 from moveit6d.synthesis.augmentation.backgrounds import procedural_photo
 from moveit6d.synthesis.objects.shapes import random_object
 from moveit6d.synthesis.training.pairs import PairConfig, PairGenerator, TrainingBatch
+from moveit6d.synthesis.training.views import ViewConfig
 
 
 @pytest.fixture(scope="module")
@@ -88,3 +91,50 @@ def test_every_term_is_finite_has_a_weight_and_a_gradient(batch: TrainingBatch) 
     assert torch.isfinite(total)
     missing = [n for n, p in network.named_parameters() if p.grad is None]
     assert missing == []
+
+
+def with_views(share: float = 1.0) -> TrainingBatch:
+    random = np.random.default_rng(0)
+    photos = [procedural_photo(random, (160, 200)) for _ in range(3)]
+    meshes = [random_object(random, photos) for _ in range(6)]
+    config = replace(PairConfig(), views=ViewConfig(share=share))
+    return PairGenerator(meshes, photos, config, 0).batch(6, "all_small")
+
+
+def test_descriptors_that_know_the_view_cost_less_than_ones_that_do_not() -> None:
+    views = with_views().views
+    assert views is not None
+    views = replace(views, visible=torch.ones_like(views.visible))
+    temperature = torch.tensor(2.3)
+    mesh = torch.arange(len(views.image))
+    generator = torch.Generator().manual_seed(0)
+    image, *templates = torch.randn(5, len(views.image), 32, 16, 16, generator=generator)
+    # The right template has the picture's own descriptors, the others any.
+    knowing = torch.cat([image, torch.stack([image, *templates[1:]], 1).flatten(0, 1)])
+    lost = torch.cat([image, torch.stack(templates, 1).flatten(0, 1)])
+    costs = [float(view_loss(d, views, mesh, temperature)) for d in (knowing, lost)]
+    assert costs[0] < 0.1 and costs[1] > 2.0
+
+
+def test_invisible_objects_teach_no_descriptors() -> None:
+    views = with_views().views
+    assert views is not None
+    described = torch.randn(len(view_pictures(views)), 32, 16, 16, requires_grad=True)
+    gone = replace(views, visible=torch.zeros_like(views.visible))
+    loss = view_loss(described, gone, torch.arange(len(views.image)), torch.tensor(2.3))
+    loss.backward()
+    assert loss.item() == 0 and described.grad is not None and described.grad.abs().max() == 0
+
+
+def test_far_and_absent_pairs_teach_the_confidence_alone(batch: TrainingBatch) -> None:
+    network = CorrelationNet().eval()
+    radius = network.config.radius
+    with torch.no_grad():
+        output = network(batch.observation)
+        far = replace(batch, near=torch.zeros_like(batch.near))
+        absent = replace(far, present=torch.zeros_like(batch.present))
+        terms = [correlation_losses(output, b, radius, LossWeights()) for b in (batch, far, absent)]
+    for name in ("solved", "delta", "points", "actions"):
+        assert terms[0][name] > 0 and terms[1][name] == 0
+    assert not is_right(absent, torch.zeros(len(batch.delta))).any()
+    assert terms[2]["confidence"] > 0

@@ -70,8 +70,9 @@ def rotation_angle(rotation: Tensor) -> Tensor:
 
 
 def random_rotations(count: int, generator: torch.Generator | None = None) -> Tensor:
-    """Uniformly random rotations, float64: (count, 3, 3)."""
-    quaternion = torch.randn(count, 4, dtype=torch.float64, generator=generator)
+    """Uniformly random rotations, float64, on the generator's device: (count, 3, 3)."""
+    device = None if generator is None else generator.device
+    quaternion = torch.randn(count, 4, dtype=torch.float64, generator=generator, device=device)
     return from_quaternion(torch.nn.functional.normalize(quaternion, dim=-1))
 
 

@@ -91,6 +91,12 @@ class Symmetries:
         composed = np.stack(turns)[None] @ discrete[:, None]  # (D, C, 4, 4)
         return np.ascontiguousarray(composed.reshape(-1, 4, 4))
 
+    def centred(self, center: NDArray[np.float64]) -> NDArray[np.float64]:
+        """`transforms` in the frame whose origin is at `center` (3,) of the file's: (S, 4, 4)."""
+        motions = self.transforms()
+        motions[:, :3, 3] += motions[:, :3, :3] @ center - center
+        return motions
+
 
 def _matrix_from_bop(flat: Any) -> NDArray[np.float64]:
     values = np.asarray(flat, np.float64)

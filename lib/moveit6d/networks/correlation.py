@@ -32,9 +32,9 @@ from .policy_output import PolicyOutput
 
 # Prior of the least squares for t_x, t_y, t_z and the three turns; learnable. Measured to matter:
 # with 1e-3 everywhere its loss stays a fifth higher.
-_DAMPING = (4e-3, 4e-3, 1e-2, 8e-3, 8e-3, 8e-3)
-_GREY = 0.45
-_HEAD_SCALE = 3.0  # units that an output of 1 of the head stands for
+DAMPING = (4e-3, 4e-3, 1e-2, 8e-3, 8e-3, 8e-3)
+GREY = 0.45  # around a rendering
+HEAD_SCALE = 3.0  # units that an output of 1 of the head stands for
 
 
 @dataclass(frozen=True)
@@ -68,6 +68,7 @@ class CorrelationOutput:
     solved: Tensor
     confidence_logit: Tensor
     prediction: PolicyOutput
+    described: Tensor | None = None  # descriptors of further pictures (`CompactCorrelationNet`)
 
 
 class CorrelationNet(nn.Module):
@@ -111,7 +112,7 @@ class CorrelationNet(nn.Module):
             nn.Linear(config.decoder + fine + 6, 128), nn.ReLU(inplace=True), nn.Linear(128, 20)
         )
         self.temperature = nn.Parameter(torch.tensor(2.5))  # logarithm
-        self.damping = nn.Parameter(torch.tensor(_DAMPING).log())
+        self.damping = nn.Parameter(torch.tensor(DAMPING).log())
         self._add_constants()
 
     def _add_constants(self) -> None:
@@ -137,8 +138,8 @@ class CorrelationNet(nn.Module):
         batch = len(observation)
         depth = observation.depth if self.config.use_depth else torch.zeros_like(observation.depth)
         # Grey, not black, around the object: a dark one would have no outline.
-        rendering = (observation.rendering - _GREY) * observation.mask
-        pictures = torch.cat([observation.image - _GREY, rendering])
+        rendering = (observation.rendering - GREY) * observation.mask
+        pictures = torch.cat([observation.image - GREY, rendering])
         shared4 = self.encode4(pictures.contiguous(memory_format=torch.channels_last))
         shared8 = centred(self.encode8(shared4))
         geometry = torch.cat([rendering, depth, observation.mask], 1)
@@ -175,7 +176,7 @@ class CorrelationNet(nn.Module):
             1,
         )
         values = self.head(pooled)
-        delta = solved + values[:, :6] * _HEAD_SCALE
+        delta = solved + values[:, :6] * HEAD_SCALE
         confidence = values[:, 19]
         prediction = PolicyOutput(values[:, 6:19], delta, torch.sigmoid(confidence), attention)
         return CorrelationOutput(

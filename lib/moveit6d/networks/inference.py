@@ -19,7 +19,7 @@ from ..errors import InputError
 from ..observation import Observation
 from .action_net import ActionNet
 from .bfloat16 import Bfloat16Convolutions
-from .correlation import CorrelationNet
+from .kinds import PoseNet
 from .policy_output import PolicyOutput
 
 # Batches up to this size are traced, one trace a size; in larger ones Python's share is small.
@@ -63,7 +63,7 @@ class InferenceNetwork:
 
     def __init__(
         self,
-        network: CorrelationNet | ActionNet,
+        network: PoseNet,
         compute: Compute = "auto",
         device: str | torch.device = "cpu",
     ) -> None:
@@ -103,7 +103,7 @@ class InferenceNetwork:
 class _Plain(nn.Module):
     """Tensors in and out, as a trace needs it: logits, confidence, attention, perhaps a delta."""
 
-    def __init__(self, network: CorrelationNet | ActionNet) -> None:
+    def __init__(self, network: PoseNet) -> None:
         super().__init__()
         self.network = network
 

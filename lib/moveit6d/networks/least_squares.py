@@ -140,5 +140,5 @@ def solve_delta(
     flat = matrix.flatten(1, 2)
     normal = weighted.mT @ flat / total + torch.diag(damping)
     right = weighted.mT @ displacement.flatten(1)[..., None] / total
-    delta: Tensor = torch.linalg.solve(normal, right)[..., 0]
+    delta: Tensor = torch.linalg.solve_ex(normal, right)[0][..., 0]
     return delta.clamp(-limit, limit)

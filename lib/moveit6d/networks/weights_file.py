@@ -11,7 +11,7 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import torch
 from safetensors import SafetensorError, safe_open
@@ -19,34 +19,27 @@ from safetensors.torch import save_file
 
 from ..errors import WeightsError
 from ..geometry.crop import Crop
-from .action_net import ActionConfig, ActionNet
-from .correlation import CorrelationConfig, CorrelationNet
+from .kinds import KINDS, PoseNet
 
 FORMAT = "moveit6d-1"
 WEIGHTS_NAME = "weights.safetensors"  # what a fit calls the file in its folder
-_KINDS: dict[str, tuple[type[Any], type[Any]]] = {
-    "correlation": (CorrelationNet, CorrelationConfig),
-    "action": (ActionNet, ActionConfig),
-}
 
 
 @dataclass(frozen=True)
 class LoadedNetwork:
     """A network in evaluation mode, the facts in its file's header, and the file's SHA-256."""
 
-    network: CorrelationNet | ActionNet
+    network: PoseNet
     facts: dict[str, str]
     sha256: str
 
 
-def save_network(
-    network: CorrelationNet | ActionNet, path: Path, facts: dict[str, str] | None = None
-) -> None:
+def save_network(network: PoseNet, path: Path, facts: dict[str, str] | None = None) -> None:
     """Write the weights and, in the header, format, kind, sizes and the given facts.
 
     Written under a temporary name first, so that a crash leaves no half file.
     """
-    kind = next(name for name, (cls, _) in _KINDS.items() if isinstance(network, cls))
+    kind = next(name for name, (cls, _) in KINDS.items() if isinstance(network, cls))
     header = {
         **(facts or {}),
         "format": FORMAT,
@@ -73,12 +66,12 @@ def load_network(path: Path) -> LoadedNetwork:
         raise WeightsError(
             f"Weights file {path} is damaged or no safetensors file ({error}); copy it again."
         ) from None
-    if header.get("format") != FORMAT or header.get("kind") not in _KINDS:
+    if header.get("format") != FORMAT or header.get("kind") not in KINDS:
         raise WeightsError(
             f"Weights file {path} was not written by this library (format "
             f"{header.get('format')!r}, expected {FORMAT!r})."
         )
-    network_class, config_class = _KINDS[header["kind"]]
+    network_class, config_class = KINDS[header["kind"]]
     try:
         values = json.loads(header["config"])
         config = config_class(
@@ -99,7 +92,7 @@ def load_network(path: Path) -> LoadedNetwork:
     return LoadedNetwork(network.eval(), facts, digest)
 
 
-def begin_from(network: CorrelationNet | ActionNet, path: Path) -> None:
+def begin_from(network: PoseNet, path: Path) -> None:
     """Give a network the weights of a file, of a network of the same sizes or a shallower one.
 
     What it has beyond that (`CorrelationConfig.extra_blocks`) stays as it is, which is an identity

@@ -33,7 +33,7 @@ class Attributes:
         a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
         table = np.concatenate([values.reshape(len(values), -1), np.cross(b - a, c - a)], axis=1)
         self._table = np.ascontiguousarray(table.T)
-        self._texture = None if mesh.texture is None else MipMap(mesh)
+        self.texture = None if mesh.texture is None else MipMap(mesh)
         self._radius = 0.5 * mesh.sphere_diameter
 
     @staticmethod
@@ -63,10 +63,10 @@ class Attributes:
         self, values: Float32, intrinsics: NDArray[np.float64], depth: float
     ) -> NDArray[np.uint8]:
         """RGB (N, 3) of the values that `at` gave, for pixels of an object at this depth."""
-        if self._texture is None:
+        if self.texture is None:
             return (values + np.float32(0.5)).astype(np.uint8)
         focal = math.sqrt(abs(float(intrinsics[0, 0] * intrinsics[1, 1])))
-        return self._texture.sample(values, focal / max(depth, self._radius))
+        return self.texture.sample(values, focal / max(depth, self._radius))
 
 
 _KEPT: WeakKeyDictionary[Mesh, Attributes] = WeakKeyDictionary()

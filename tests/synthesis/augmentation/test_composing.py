@@ -2,22 +2,28 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 
 from moveit6d.synthesis.augmentation.augment import AugmentConfig
-from moveit6d.synthesis.augmentation.composing import Composer
+from moveit6d.synthesis.augmentation.composing import (
+    Composer,
+    linear,
+    linear_layer,
+    over,
+    soft_edge,
+)
 from moveit6d.synthesis.augmentation.lighting import LightConfig
+from moveit6d.synthesis.augmentation.photo_bank import PhotoBank
 from tests.support.pairs import photos, rng
 
 BACKGROUND = torch.zeros(600, 3, 24, 24)
+BANK = PhotoBank(photos(), torch.device("cpu"))
 
 
 def changed(augment: AugmentConfig, layer: torch.Tensor) -> torch.Tensor:
     """Which of 600 black grounds have something on them."""
-    random = np.random.default_rng(0)
-    composer = Composer(list(photos()), augment, LightConfig(), random, rng())
+    composer = Composer(BANK, augment, LightConfig(), rng())
     seen = composer._cluttered(BACKGROUND, layer)
     assert BACKGROUND.max() == 0, "the ground that was given stays as it is"
     return seen.flatten(1).amax(1) > 0
@@ -38,11 +44,37 @@ def test_each_number_of_objects_behind_is_as_likely() -> None:
     small = torch.zeros(600, 4, 24, 24)
     small[:, :, 10:14, 10:14] = 1.0
     augment = AugmentConfig(cluttered=1.0, boards=0.0, clutter=3, same_colour_distractors=0.0)
-    random = np.random.default_rng(0)
-    composer = Composer(list(photos()), augment, LightConfig(), random, rng())
+    composer = Composer(BANK, augment, LightConfig(), rng())
     one = replace(augment, clutter=1)
-    single = Composer(list(photos()), one, LightConfig(), random, rng())
+    single = Composer(BANK, one, LightConfig(), rng())
     several = composer._cluttered(BACKGROUND, small).mean()
     assert float(several / single._cluttered(BACKGROUND, small).mean()) == pytest.approx(
         2, abs=0.35
     )
+
+
+def half_covered(gamma: float) -> float:
+    """Where, along a row, a blurred edge from white to dark grey passes the middle of both."""
+    exponent = torch.full((1, 1, 1, 1), gamma)
+    white = torch.zeros(1, 4, 8, 64)
+    white[..., :32] = 1.0
+    dark = torch.full((1, 3, 8, 64), 0.2)
+    layer = torch.cat([linear(white[:, :3], exponent) * white[:, 3:], white[:, 3:]], 1)
+    picture = over(linear(dark, exponent), soft_edge(layer))
+    picture = torch.nn.functional.avg_pool2d(picture, 5, 1, 2, count_include_pad=False)
+    row = (picture ** (1 / gamma))[0, 0, 4]
+    return float((row[8:] > 0.6).sum())
+
+
+def test_light_adds_up_at_an_edge_so_that_bright_things_look_larger() -> None:
+    assert half_covered(1.0) == 24
+    assert half_covered(2.2) == 25
+
+
+def test_layers_become_linear_without_their_alpha() -> None:
+    alpha = torch.rand(2, 1, 4, 4) * 0.9 + 0.1
+    colour = torch.rand(2, 3, 4, 4)
+    gamma = torch.tensor([1.0, 2.2])[:, None, None, None]
+    found = linear_layer(torch.cat([colour * alpha, alpha], 1), gamma)
+    assert torch.allclose(found[:, :3], colour**gamma * alpha, atol=1e-5)
+    assert torch.equal(found[:, 3:], alpha)

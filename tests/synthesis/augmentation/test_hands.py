@@ -7,8 +7,7 @@ import pytest
 import torch
 
 from moveit6d.geometry.crop import OBJECT_SIZE
-from moveit6d.rendering.embree import EmbreeRenderer
-from moveit6d.synthesis.augmentation.hands import WIDTH, HandConfig, Hands
+from moveit6d.synthesis.augmentation.hands import WIDTH, HandConfig, Hands, MadeHands
 from moveit6d.synthesis.augmentation.lighting import LightConfig
 from moveit6d.synthesis.augmentation.occluders import hand
 from tests.support.pairs import photos, rng
@@ -18,7 +17,7 @@ LIGHTS = LightConfig()
 
 def some_hands(config: HandConfig, seed: int = 0) -> Hands:
     random = np.random.default_rng(seed)
-    return Hands(config, photos(), EmbreeRenderer(), LIGHTS, random, rng(seed))
+    return Hands(config, MadeHands(config, photos(), random), LIGHTS, random, rng(seed))
 
 
 def test_they_are_there_as_often_as_stated() -> None:
@@ -30,7 +29,8 @@ def test_they_are_there_as_often_as_stated() -> None:
 
 
 def test_a_few_are_kept_and_renewed() -> None:
-    hands = some_hands(HandConfig(share=1.0, kept=5, renewed_every=2))
+    config = HandConfig(share=1.0, kept=5, renewed_every=2)
+    hands = MadeHands(config, photos(), np.random.default_rng(0))
     seen = []
     for _ in range(5):
         hands._renew()
@@ -44,7 +44,9 @@ def test_fingertips_are_in_the_patch_and_arms_lead_outward() -> None:
     config = HandConfig(share=1.0, width=(40.0, 60.0), spread=0.75)
     one = hand(np.random.default_rng(0))
     distance = torch.full((200,), 5.0, dtype=torch.float64)
-    poses = some_hands(config)._poses([one] * 200, OBJECT_SIZE * distance)
+    tips = torch.from_numpy(one.tip).expand(200, 3)
+    reaching = torch.ones(200, dtype=torch.bool)
+    poses = some_hands(config)._poses(tips, reaching, OBJECT_SIZE * distance)
     focal = 5.0 * OBJECT_SIZE
 
     def pixels(point: np.ndarray) -> torch.Tensor:

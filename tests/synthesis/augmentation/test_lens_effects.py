@@ -139,22 +139,37 @@ def test_backgrounds_are_out_of_focus_as_often_and_as_much_as_stated() -> None:
     assert torch.equal(defocus_background(before, AugmentConfig(), rng()), before)
 
 
+ONE = torch.ones(1, 1, 1, 1)  # colours that are amounts of light already
+
+
 def test_low_resolution_reaches_objects_of_under_40_pixels() -> None:
     fine = (torch.arange(128) % 2).float().expand(160, 1, 128, 128).contiguous()
     config = AugmentConfig(downsampled=1.0, resolution=REAL.resolution, jpeg=0.0)
-    kept = degrade(fine, config, rng(), groups=80).std(-1)[:, 0, 0]
+    kept = degrade(fine, ONE.expand(160, 1, 1, 1), config, rng(), groups=80).std(-1)[:, 0, 0]
     # A fine grating vanishes where there are fewer pixels than it needs.
     assert (kept < 0.1).float().mean() > 0.5
     assert REAL.resolution[0] * 128 / 1.4 < 40 < REAL.resolution[1] * 128 / 1.4
-    rare = degrade(fine, replace(config, downsampled=0.45), rng(), groups=160)
+    rare = degrade(
+        fine, ONE.expand(160, 1, 1, 1), replace(config, downsampled=0.45), rng(), groups=160
+    )
     assert changed(fine, rare).mean() == pytest.approx(0.45, abs=0.1)
 
 
 def test_jpeg_and_sharpening_happen_as_often_as_stated() -> None:
     noise = torch.rand(90, 3, 16, 16, generator=torch.Generator().manual_seed(0))
     config = AugmentConfig(downsampled=0.0, jpeg=0.35, jpeg_quality=(35.0, 60.0))
-    assert changed(noise, degrade(noise, config, rng(), 90)).mean() == pytest.approx(0.35, abs=0.13)
+    assert changed(
+        noise, degrade(noise, ONE.expand(90, 1, 1, 1), config, rng(), 90)
+    ).mean() == pytest.approx(0.35, abs=0.13)
     sharp = sharpen(noise, AugmentConfig(sharpened=0.3), rng())
     was = changed(noise, sharp)
     assert was.mean() == pytest.approx(0.3, abs=0.13)
     assert sharp[was > 0].std() > noise.std()
+
+
+def test_pixels_of_a_coarser_sensor_add_up_light() -> None:
+    """Black and white stripes too fine for the sensor become the grey that holds half the light."""
+    stripes = (torch.arange(128) % 2).float().expand(4, 3, 128, 128).contiguous()
+    config = AugmentConfig(downsampled=1.0, resolution=(0.25, 0.25), jpeg=0.0)
+    seen = degrade(stripes, ONE.expand(4, 1, 1, 1) * 2.2, config, rng())
+    assert seen[..., 32:96, 32:96].mean() == pytest.approx(0.5 ** (1 / 2.2), abs=0.01)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import torch
 
 from moveit6d.geometry.pose import Pose
 from moveit6d.rendering.embree import EmbreeRenderer
@@ -9,7 +10,6 @@ from moveit6d.synthesis.objects import primitives as make
 from moveit6d.synthesis.objects import shapes
 from moveit6d.synthesis.objects.part_symmetries import plain_symmetries
 from moveit6d.synthesis.objects.symmetric_shapes import symmetric_object
-from moveit6d.synthesis.training.equivalents import centred_symmetries
 from tests.support.meshes import view
 
 
@@ -17,7 +17,7 @@ from tests.support.meshes import view
 def test_the_declared_symmetries_cannot_be_seen(seed: int) -> None:
     mesh = symmetric_object(np.random.default_rng(seed))
     assert not mesh.symmetries.is_trivial
-    motions = Pose.from_matrix(centred_symmetries(mesh))
+    motions = Pose.from_matrix(torch.from_numpy(mesh.symmetries.centred(mesh.center)))
     count = len(motions.translation)
     # Of a body turned on a lathe of 32 corners only those turns that take corners to corners.
     chosen = [1, count // 2] if not mesh.symmetries.continuous else [0, count // 32]
@@ -61,5 +61,5 @@ def test_random_objects_declare_something_only_if_they_are_plain(
     assert 0 < len(declared) < 9
     for mesh in declared:
         assert mesh.texture is not None and np.ptp(mesh.texture, axis=(0, 1)).max() < 70
-        shift = centred_symmetries(mesh)[:, :3, 3]
-        assert shift.abs().max() < 1e-3 * mesh.sphere_diameter, "about the box's own middle"
+        shift = mesh.symmetries.centred(mesh.center)[:, :3, 3]
+        assert np.abs(shift).max() < 1e-3 * mesh.sphere_diameter, "about the box's own middle"

@@ -52,6 +52,8 @@ def test_covered_parts_are_dark_red(batch: TrainingBatch) -> None:
         batch.zoom,
         batch.rotation,
         batch.direction,
+        batch.present,
+        batch.near,
     )
     mask = cells(contact_sheet(hidden))[3]
     assert np.allclose(mask[batch.true_mask[0, 0].numpy() > 0.5], (0.55, 0.1, 0.1), atol=0.003)

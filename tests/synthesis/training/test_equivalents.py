@@ -12,7 +12,7 @@ from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3, random_rotations
 from moveit6d.geometry.symmetry import ContinuousSymmetry, Symmetries
 from moveit6d.synthesis.objects import primitives as make
-from moveit6d.synthesis.training.equivalents import centred_symmetries, nearest_delta
+from moveit6d.synthesis.training.equivalents import nearest_delta, turned_from
 
 OFFSET = np.array([0.03, -0.02, 0.05])
 
@@ -27,6 +27,10 @@ ROUND = can(Symmetries(continuous=(ContinuousSymmetry(np.array([0.0, 0.0, 1.0]),
 PLAIN = can(Symmetries())
 
 
+def centred(mesh: Mesh) -> np.ndarray:
+    return mesh.symmetries.centred(mesh.center)
+
+
 def some_start(count: int) -> tuple[Pose, torch.Tensor]:
     ahead = torch.tensor([0.02, -0.03, 0.6], dtype=torch.float64).expand(count, 3)
     pose = Pose(random_rotations(count, torch.Generator().manual_seed(0)), ahead)
@@ -34,7 +38,7 @@ def some_start(count: int) -> tuple[Pose, torch.Tensor]:
 
 
 def test_symmetries_turn_the_centred_object_about_its_own_middle() -> None:
-    motions = centred_symmetries(ROUND)
+    motions = torch.from_numpy(ROUND.symmetries.centred(ROUND.center))
     assert torch.allclose(motions[0], torch.eye(4, dtype=torch.float64))
     points = torch.from_numpy(ROUND.vertices).double()
     for motion in motions[[40, 157]]:
@@ -48,9 +52,9 @@ def test_a_spun_can_needs_no_turn_and_a_can_without_symmetry_does() -> None:
     angles = torch.tensor([0.0, 0.3, 1.0, 2.0, 3.0, -1.5], dtype=torch.float64)
     spin = exp_so3(torch.stack([0 * angles, 0 * angles, angles], -1))
     goal = Pose(start.rotation @ spin, start.translation)
-    delta = nearest_delta([ROUND] * 6, start, goal, diameter)
+    delta = nearest_delta([centred(ROUND)] * 6, start, goal, diameter)
     assert delta[:, 3:].abs().max() < 0.6, "half a step of BOP's 315"
-    plain = nearest_delta([PLAIN] * 6, start, goal, diameter)
+    plain = nearest_delta([centred(PLAIN)] * 6, start, goal, diameter)
     assert plain[:, 3:].norm(dim=1) == pytest.approx(torch.rad2deg(angles.abs()), abs=1e-3)
 
 
@@ -62,8 +66,8 @@ def test_other_moves_stay_and_the_spin_in_them_goes() -> None:
     goal = PoseAction.from_delta(delta).apply_centred(start, diameter)
     spin = exp_so3(torch.tensor([0.0, 0.0, 2.0], dtype=torch.float64))
     spun = Pose(goal.rotation @ spin, goal.translation)
-    near = nearest_delta([ROUND] * 5, start, spun, diameter)
-    again = nearest_delta([ROUND] * 5, start, goal, diameter)
+    near = nearest_delta([centred(ROUND)] * 5, start, spun, diameter)
+    again = nearest_delta([centred(ROUND)] * 5, start, goal, diameter)
     assert torch.allclose(near, again, atol=1.2)
     assert (near.abs().amax(1) <= delta.abs().amax(1) + 0.6).all()
     reached = PoseAction.from_delta(near).apply_centred(start, diameter)
@@ -80,6 +84,16 @@ def test_discrete_symmetries_and_mixed_batches() -> None:
     start, diameter = some_start(2)
     half = exp_so3(torch.tensor([math.pi - 1e-3, 0.0, 0.0], dtype=torch.float64))
     goal = Pose(start.rotation @ half, start.translation)
-    delta = nearest_delta([turning, PLAIN], start, goal, diameter)
+    delta = nearest_delta([centred(turning), centred(PLAIN)], start, goal, diameter)
     assert delta[0].abs().max() < 0.1 and delta[1, 3:].norm() > 179
     assert torch.equal(delta[1], pose_delta(start, goal, diameter)[1])
+
+
+def test_the_angle_between_two_rotations_is_that_to_the_nearest_equivalent() -> None:
+    start, _ = some_start(2)
+    spin = exp_so3(torch.tensor([0.0, 0.0, 2.0], dtype=torch.float64))
+    tilt = exp_so3(torch.tensor([0.4, 0.0, 0.0], dtype=torch.float64))
+    angles = turned_from([centred(ROUND), centred(PLAIN)], start.rotation, start.rotation @ spin)
+    assert angles[0] < 0.6 and angles[1] == pytest.approx(math.degrees(2.0), abs=1e-6)
+    tilted = turned_from([centred(ROUND)] * 2, start.rotation, start.rotation @ tilt @ spin)
+    assert tilted == pytest.approx([math.degrees(0.4)] * 2, abs=0.01), "of 315 turns the nearest"

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
 import torch
 from kornia.geometry.transform import (
     get_perspective_transform,
@@ -34,6 +35,7 @@ class AugmentConfig:
     # Blur and colour of the whole picture, as a camera makes them, or of the object and of each
     # occluder before they are put in front of the photo, as in the paper.
     acts_on: Literal["picture", "objects"] = "picture"
+    gamma: Range = (1.0, 1.0)  # colour = light ** (1 / gamma); 1: edges and blurs mix colours
     occluded: float = 0.55  # share of patches with anything in front of the object
     occluders: int = 3  # at most; each number is as likely
     occluder_scale: Range = (0.2, 1.1)  # of the patch
@@ -76,24 +78,37 @@ class RandomSource:
     """Random numbers of one generator in the forms that augmentation needs."""
 
     def __init__(self, generator: torch.Generator) -> None:
-        self.generator = generator
+        self.generator, self.device = generator, generator.device
+        self.host = np.random.default_rng(generator.initial_seed())
 
     def uniform(self, *shape: int, between: Range = (0.0, 1.0)) -> Tensor:
         """Uniform numbers of the given shape."""
-        values = torch.rand(*shape, generator=self.generator)
+        values = torch.rand(*shape, generator=self.generator, device=self.device)
         return values * (between[1] - between[0]) + between[0]
 
     def normal(self, *shape: int) -> Tensor:
         """Normal numbers of the given shape."""
-        return torch.randn(*shape, generator=self.generator)
+        return torch.randn(*shape, generator=self.generator, device=self.device)
 
     def chance(self, count: int, share: float) -> Tensor:
         """Which of `count` it happens to: bool (count,)."""
         return self.uniform(count) < share
 
+    def one(self, between: Range = (0.0, 1.0)) -> float:
+        """A number at once: no device is waited for."""
+        return float(self.host.uniform(*between))
+
+    def whole(self, *shape: int, below: int, start: int = 0) -> Tensor:
+        """Whole numbers from `start` to `below` − 1 of the given shape."""
+        return torch.randint(start, below, shape, generator=self.generator, device=self.device)
+
+    def line(self, count: int) -> Tensor:
+        """0, 1, … `count` − 1 as floats."""
+        return torch.arange(count, device=self.device, dtype=torch.float32)
+
     def permutation(self, count: int) -> Tensor:
         """A random order of `count` things."""
-        return torch.randperm(count, generator=self.generator)
+        return torch.randperm(count, generator=self.generator, device=self.device)
 
 
 def over(picture: Tensor, layer: Tensor) -> Tensor:
@@ -126,10 +141,10 @@ def calibration_boards(count: int, size: int, rng: RandomSource) -> Tensor:
     """Calibration boards, markers and the like as they lie about: layers (count, 4, size, size)."""
     dark, light = rng.uniform(2, count, 3, 1, 1)
     squares = rng.uniform(count, 1, BOARD, BOARD) < 0.5
-    regular = (torch.arange(BOARD)[:, None] + torch.arange(BOARD)) % 2 == 0
+    regular = (rng.line(BOARD)[:, None] + rng.line(BOARD)) % 2 == 0
     squares = torch.where(rng.chance(count, 0.4)[:, None, None, None], regular, squares)
-    pattern = torch.where(squares, 0.25 * dark, 0.7 + 0.3 * light)
-    sheet = functional.interpolate(pattern, (size, size), mode="nearest")
+    print_ = torch.where(squares, 0.25 * dark, 0.7 + 0.3 * light)
+    sheet = functional.interpolate(print_, (size, size), mode="nearest")
     whole = sheet.new_tensor([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]).expand(count, 4, 2)
     # Seen at a slant: foreshortened, turned, and each corner a little elsewhere.
     scale = rng.uniform(count, 1, 2, between=(0.3, 2.5))
@@ -145,7 +160,7 @@ def calibration_boards(count: int, size: int, rng: RandomSource) -> Tensor:
 
 def cutout_masks(count: int, size: int, rng: RandomSource) -> Tensor:
     """Shapes of things cut from photos, (count, 1, size, size) 0/1: cards, bars and blobs."""
-    line = torch.linspace(-1, 1, size)
+    line = torch.linspace(-1, 1, size, device=rng.device)
     y, x = torch.meshgrid(line, line, indexing="ij")
     wide, high = rng.uniform(2, count, 1, 1, between=(0.25, 1.0))
     card = (x.abs() < wide) & (y.abs() < high)
@@ -181,7 +196,7 @@ def rounds(batch: int, share: float, most: int, rng: RandomSource) -> Iterator[T
 
     A `share` of the patches get any; of those each number of things is as likely.
     """
-    number = torch.randint(1, most + 1, (batch,), generator=rng.generator)
+    number = rng.whole(batch, start=1, below=most + 1)
     number = number * rng.chance(batch, share)
     for layer in range(most):
         chosen = (number > layer).nonzero()[:, 0]
@@ -224,7 +239,7 @@ def crop_region(
     chosen = rng.chance(batch, config.cropped)
     extent = rng.uniform(2, batch, between=config.crop).round()
     start = (rng.uniform(2, batch) * (size - extent + 1)).floor()
-    line = torch.arange(size).float()
+    line = rng.line(size)
     inside = (line >= start[..., None]) & (line < (start + extent)[..., None])  # (2, B, N)
     window = (inside[0, :, :, None] & inside[1, :, None, :])[:, None]
     hidden = (chosen[:, None, None, None] & ~window).float()
@@ -234,7 +249,7 @@ def crop_region(
 def shadow(picture: Tensor, config: AugmentConfig, rng: RandomSource) -> Tensor:
     """The edge of a shadow, soft and straight, across a part of the batch."""
     batch, size = len(picture), picture.shape[-1]
-    line = torch.linspace(-1, 1, size)
+    line = torch.linspace(-1, 1, size, device=rng.device)
     y, x = torch.meshgrid(line, line, indexing="ij")
     angle = rng.uniform(batch, between=(-3.14159, 3.14159))[:, None, None]
     place = rng.uniform(batch, between=(-0.6, 0.6))[:, None, None]
@@ -249,7 +264,7 @@ def cut_border(picture: Tensor, config: AugmentConfig, rng: RandomSource) -> tup
     """Black sides where the patch reaches beyond the image: the picture and the border mask."""
     batch, size = len(picture), picture.shape[-1]
     width = rng.uniform(batch, between=(0.05, 0.45)) * size * rng.chance(batch, config.border)
-    line = torch.arange(size).float()
+    line = rng.line(size)
     outside = (line[None] < width[:, None]).float()
     flip = rng.chance(batch, 0.5)[:, None]
     outside = torch.where(flip, outside.flip(-1), outside)

@@ -6,7 +6,7 @@ which of them happen, how often and how much is `AugmentConfig`, `HandConfig` an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import torch
@@ -14,8 +14,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from ...geometry.crop import PATCH_SIZE
-from ...geometry.mesh import Mesh
-from ...rendering.renderer import GBuffer, Renderer
+from ...rendering.renderer import GBuffer
+from ..objects.object_set import ObjectSet
 from .augment import (
     AugmentConfig,
     RandomSource,
@@ -30,7 +30,7 @@ from .augment import (
     scatter,
     shadow,
 )
-from .hands import HandConfig, Hands
+from .hands import HandConfig, Hands, HandSource
 from .lens_effects import (
     blur,
     defocus_background,
@@ -42,34 +42,37 @@ from .lens_effects import (
 )
 from .lighting import LightConfig, light
 from .occluder_bank import BankConfig, OccluderBank
-from .photos import random_square
+from .photo_bank import PhotoBank
 
 
 class Composer:
-    """Makes observed patches of what is rendered; its occluders are made as it goes."""
+    """Makes observed patches of what is rendered; its occluders are made as it goes.
+
+    What reaches a pixel from several things, at an edge or in a blur, adds up as light does, so
+    colours are made linear first (`AugmentConfig.gamma`): before something dark, something bright
+    looks larger.
+    """
 
     def __init__(
-        self, photos: Sequence[np.ndarray], augment: AugmentConfig, lights: LightConfig,
-        random: np.random.Generator, rng: RandomSource,
-    ) -> None:  # fmt: skip
-        self.photos, self.augment, self.lights = list(photos), augment, lights
-        self.random, self.rng = random, rng
+        self, photos: PhotoBank, augment: AugmentConfig, lights: LightConfig, rng: RandomSource
+    ) -> None:
+        self.photos, self.augment, self.lights, self.rng = photos, augment, lights, rng
         self.bank: OccluderBank | None = None
         self.hands: Hands | None = None
 
     def use_bank(
-        self, config: BankConfig, meshes: Sequence[Mesh], renderer: Renderer,
-        distance: tuple[float, float],
+        self, config: BankConfig, objects: ObjectSet, distance: tuple[float, float],
+        random: np.random.Generator,
     ) -> None:  # fmt: skip
-        """Take occluders from a bank of these meshes' patches; of size 0, from none."""
+        """Take occluders from a bank of these objects' patches; of size 0, from none."""
         if config.size > 0:
-            self.bank = OccluderBank(meshes, config, renderer, self.lights, distance, self.rng)
+            self.bank = OccluderBank(objects, config, self.lights, distance, self.rng, random)
 
-    def use_hands(self, config: HandConfig, renderer: Renderer) -> None:
+    def use_hands(
+        self, config: HandConfig, source: HandSource, random: np.random.Generator
+    ) -> None:
         """Put hands and cards in front as well."""
-        if config.share > 0:
-            parts = (renderer, self.lights, self.random, self.rng)
-            self.hands = Hands(config, self.photos, *parts)
+        self.hands = Hands(config, source, self.lights, random, self.rng)
 
     def picture(self, observed: GBuffer, depth: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
         """Observed patches (B, 3, 128, 128), and 1 where nothing would cover the object.
@@ -82,27 +85,29 @@ class Composer:
             observed.albedo, observed.normal, depth, observed.mask, distance,
             self.lights, rng.generator,
         )  # fmt: skip
-        layer = torch.cat([lit * observed.mask, observed.mask], 1)
-        background = defocus_background(self._photos(batch), augment, rng)
+        gamma = rng.uniform(batch, 1, 1, 1, between=augment.gamma)
+        layer = torch.cat([linear(lit, gamma) * observed.mask, observed.mask], 1)
+        background = defocus_background(linear(self._photos(batch), gamma), augment, rng)
         background = self._cluttered(background, layer)
         picture = over(background, self._imaged_layer(soft_edge(layer)))
-        picture, occlusion = occlude(picture, self._things(layer), augment, rng)
+        picture, occlusion = occlude(picture, self._things(layer, gamma), augment, rng)
         if self.hands is not None:
             chosen, fronts = self.hands.draw(batch, distance)
+            fronts = linear_layer(fronts, gamma[chosen])
             picture[chosen] = over(picture[chosen], soft_edge(fronts))
             occlusion[chosen] = torch.maximum(occlusion[chosen], fronts[:, 3:])
         picture, occlusion = crop_region(background, picture, occlusion, augment, rng)
-        picture, border = cut_border(self._taken(picture).clamp(0, 1), augment, rng)
+        picture, border = cut_border(self._taken(picture, gamma).clamp(0, 1), augment, rng)
         return (picture * 255).round() / 255, (occlusion < 0.5) * (1 - border)
 
-    def _taken(self, picture: Tensor) -> Tensor:
-        """The picture as the camera takes it."""
+    def _taken(self, picture: Tensor, gamma: Tensor) -> Tensor:
+        """The picture, of linear colours, as the camera takes it."""
         augment, rng, whole = self.augment, self.rng, self.augment.acts_on == "picture"
         picture = shadow(picture, augment, rng)
         if whole:
             picture = radial_blur(blur(picture, augment, rng), augment, rng)
         picture = perturb_lens(picture, augment, rng)
-        picture = degrade(picture, augment, rng)
+        picture = degrade(picture, gamma, augment, rng)
         picture = sharpen(picture, augment, rng)
         return recolour(picture, augment, rng) if whole else picture
 
@@ -133,17 +138,30 @@ class Composer:
             background[behind] = over(background[behind], placed)
         return background
 
-    def _things(self, layer: Tensor) -> Callable[[Tensor], Tensor]:
-        """Where occluders come from."""
+    def _things(self, layer: Tensor, gamma: Tensor) -> Callable[[Tensor], Tensor]:
+        """Where occluders come from, in linear colours."""
         bank = self.bank
         if bank is None:
-            return loose_things(layer, self._photos(len(layer)), self.augment, self.rng)
+            photos = linear(self._photos(len(layer)), gamma)
+            return loose_things(layer, photos, self.augment, self.rng)
         bank.grow()
-        return lambda chosen: self._imaged_layer(bank.draw(len(chosen)))
+        return lambda chosen: linear_layer(
+            self._imaged_layer(bank.draw(len(chosen))), gamma[chosen]
+        )
 
     def _photos(self, count: int) -> Tensor:
-        squares = [random_square(self.photos, self.random, PATCH_SIZE) for _ in range(count)]
-        return torch.from_numpy(np.stack(squares)).permute(0, 3, 1, 2).float() / 255
+        return self.photos.squares(count, PATCH_SIZE, self.rng)
+
+
+def linear(colour: Tensor, gamma: Tensor) -> Tensor:
+    """Colours (B, 3, H, W) as amounts of light, by the exponents (B, 1, 1, 1) of a screen."""
+    return colour.clamp(0, 1.5) ** gamma
+
+
+def linear_layer(layer: Tensor, gamma: Tensor) -> Tensor:
+    """`linear` for the colours of layers (B, 4, H, W) of colour × alpha and alpha."""
+    colour, alpha = loose(layer)
+    return torch.cat([linear(colour, gamma) * alpha, alpha], 1)
 
 
 def soft_edge(layer: Tensor) -> Tensor:

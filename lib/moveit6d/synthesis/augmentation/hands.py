@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -16,8 +17,8 @@ from torch import Tensor
 
 from ...geometry.crop import OBJECT_SIZE, PATCH_SIZE
 from ...geometry.pose import Pose
-from ...geometry.rotation import random_rotations
-from ...rendering.renderer import Renderer
+from ...geometry.rotation import exp_so3, random_rotations
+from ..objects.object_set import MeshObjects, ObjectSet
 from .augment import RandomSource
 from .lighting import LightConfig
 from .occluder_bank import lit_layers
@@ -40,32 +41,31 @@ class HandConfig:
     renewed_every: int = 6  # … of which one is replaced after so many batches
 
 
-class Hands:
-    """Draws hands and cards as layers; keeps a few, as making one costs more than showing it."""
+class HandSource(Protocol):
+    """Where hands and cards come from."""
+
+    def take(self, count: int) -> tuple[ObjectSet, Tensor, Tensor, Tensor]:
+        """Some of them: the set, numbers (count,), tips (count, 3) and which (count,) are hands."""
+
+
+class MadeHands:
+    """Makes hands and cards as it goes; keeps a few, as making one costs more than showing it."""
 
     def __init__(
-        self, config: HandConfig, photos: Sequence[np.ndarray], renderer: Renderer,
-        lights: LightConfig, random: np.random.Generator, rng: RandomSource,
-    ) -> None:  # fmt: skip
-        self.config, self.photos, self.renderer = config, photos, renderer
-        self.lights, self.random, self.rng = lights, random, rng
+        self, config: HandConfig, photos: Sequence[np.ndarray], random: np.random.Generator
+    ) -> None:
+        self.config, self.photos, self.random = config, photos, random
         self.kept: list[Occluder] = []
         self.batches = 0
 
-    def draw(self, batch: int, distance: Tensor) -> tuple[Tensor, Tensor]:
-        """Which of the patches have one (n,), and the layers (n, 4, 128, 128) for them.
-
-        `distance` (B,) in diameters gives each patch's perspective.
-        """
-        chosen = self.rng.chance(batch, self.config.share).nonzero()[:, 0]
-        if not len(chosen):
-            return chosen, torch.zeros(0, 4, PATCH_SIZE, PATCH_SIZE)
+    def take(self, count: int) -> tuple[ObjectSet, Tensor, Tensor, Tensor]:
+        """See `HandSource`."""
         self._renew()
-        things = [self.kept[int(self.random.integers(len(self.kept)))] for _ in chosen]
-        near = distance[chosen].double()
-        poses = self._poses(things, OBJECT_SIZE * near)
-        meshes = [thing.mesh for thing in things]
-        return chosen, lit_layers(self.renderer, meshes, poses, near, self.lights, self.rng)
+        index = torch.from_numpy(self.random.integers(len(self.kept), size=count))
+        things = [self.kept[number] for number in index.tolist()]
+        tips = torch.from_numpy(np.stack([np.asarray(thing.tip) for thing in things]))
+        reaching = torch.tensor([thing.along is not None for thing in things])
+        return MeshObjects([thing.mesh for thing in self.kept]), index, tips, reaching
 
     def _renew(self) -> None:
         """One more while there are few, and one replaced now and then."""
@@ -76,44 +76,63 @@ class Hands:
         if full:
             self.kept.pop(int(self.random.integers(len(self.kept))))
         for _ in range(1 if self.kept else FIRST):
-            is_card = self.random.random() < self.config.cards
-            made = card(self.random, 1.0, self.photos) if is_card else hand(self.random)
-            self.kept.append(made)
+            self.kept.append(made_hand(self.random, self.config.cards, self.photos))
 
-    def _poses(self, things: Sequence[Occluder], focal: Tensor) -> Pose:
+
+def made_hand(random: np.random.Generator, cards: float, photos: Sequence[np.ndarray]) -> Occluder:
+    """A new hand, or a card in a share of the cases."""
+    return card(random, 1.0, photos) if random.random() < cards else hand(random)
+
+
+class Hands:
+    """Draws hands and cards as layers."""
+
+    def __init__(
+        self, config: HandConfig, source: HandSource, lights: LightConfig,
+        random: np.random.Generator, rng: RandomSource,
+    ) -> None:  # fmt: skip
+        self.config, self.source = config, source
+        self.lights, self.random, self.rng = lights, random, rng
+
+    def draw(self, batch: int, distance: Tensor) -> tuple[Tensor, Tensor]:
+        """Which of the patches have one (n,), and the layers (n, 4, 128, 128) for them.
+
+        `distance` (B,) in diameters gives each patch's perspective.
+        """
+        chosen = self.rng.chance(batch, self.config.share).nonzero()[:, 0]
+        if not len(chosen):
+            return chosen, torch.zeros(0, 4, PATCH_SIZE, PATCH_SIZE, device=chosen.device)
+        objects, index, tips, reaching = self.source.take(len(chosen))
+        near = distance[chosen].double()
+        poses = self._poses(tips.to(near), reaching.to(near.device), OBJECT_SIZE * near)
+        return chosen, lit_layers(objects, index, poses, near, self.lights, self.rng)
+
+    def _poses(self, tips: Tensor, reaching: Tensor, focal: Tensor) -> Pose:
         """Fingertips and cards somewhere in the patch; arms leave it by the nearest side or so."""
-        count = len(things)
-        place = self.rng.uniform(count, 2, between=(-0.5, 0.5)).double()
+        count, rng = len(tips), self.rng
+        place = rng.uniform(count, 2, between=(-0.5, 0.5)).double()
         place = place * self.config.spread * PATCH_SIZE
-        depth = focal * WIDTH / self.rng.uniform(count, between=self.config.width)
+        depth = focal * WIDTH / rng.uniform(count, between=self.config.width)
         outward = torch.atan2(place[:, 1], place[:, 0])
-        outward = outward + self.rng.uniform(count, between=(-1.2, 1.2))
-        free = random_rotations(count, self.rng.generator)
-        turns = [
-            free[k] if things[k].along is None else self._reaching(float(outward[k]))
-            for k in range(count)
-        ]
-        rotation = torch.stack(turns)
-        tips = torch.stack([torch.from_numpy(np.asarray(thing.tip)) for thing in things])
-        tip = torch.cat([place / focal[:, None], torch.ones(count, 1, dtype=torch.float64)], 1)
+        outward = outward + rng.uniform(count, between=(-1.2, 1.2))
+        free = random_rotations(count, rng.generator)
+        rotation = torch.where(reaching[:, None, None], self._reaching(outward), free)
+        tip = torch.cat([place / focal[:, None], torch.ones_like(focal)[:, None]], 1)
         return Pose(rotation, tip * depth[:, None] - (rotation @ tips[..., None])[..., 0])
 
-    def _reaching(self, angle: float) -> Tensor:
-        """A turn (3, 3) that points a hand's arm (−y) along `angle` in the picture, near the plane.
+    def _reaching(self, angle: Tensor) -> Tensor:
+        """Turns (n, 3, 3) that point a hand's arm (−y) along `angle` (n,), near the image plane.
 
         Of the two sides of a hand either may be seen.
         """
-        tilt, roll = self.rng.uniform(2, between=(-1.0, 1.0)).tolist()
-        flip = math.pi * (self.random.random() < 0.5)
-        about_y = _turn(1, flip + 0.7 * roll)
-        about_x = _turn(0, 0.35 * tilt)
-        return _turn(2, angle + math.pi / 2) @ about_x @ about_y
+        count, rng = len(angle), self.rng
+        tilt, roll = rng.uniform(2, count, between=(-1.0, 1.0)).double()
+        flip = math.pi * rng.chance(count, 0.5)
+        return _turn(2, angle + math.pi / 2) @ _turn(0, 0.35 * tilt) @ _turn(1, flip + 0.7 * roll)
 
 
-def _turn(axis: int, angle: float) -> Tensor:
-    cosine, sine = math.cos(angle), math.sin(angle)
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    matrix = torch.eye(3, dtype=torch.float64)
-    matrix[first, first] = matrix[second, second] = cosine
-    matrix[first, second], matrix[second, first] = -sine, sine
-    return matrix
+def _turn(axis: int, angle: Tensor) -> Tensor:
+    """Turns (n, 3, 3) about one axis by angles (n,)."""
+    vector = torch.zeros(len(angle), 3, dtype=angle.dtype, device=angle.device)
+    vector[:, axis] = angle
+    return exp_so3(vector)

@@ -32,7 +32,7 @@ def blur(picture: Tensor, config: AugmentConfig, rng: RandomSource) -> Tensor:
     length = motion_blur_lengths(count, config, rng) * rng.chance(count, config.motion_blurred)
     angle = rng.uniform(count, between=(0.0, 3.14159))
     along, across = (defocus**2 + length**2 / 12)[:, None, None], (defocus**2)[:, None, None]
-    line = torch.arange(-6, 7).float()
+    line = rng.line(13) - 6
     y, x = torch.meshgrid(line, line, indexing="ij")
     cosine, sine = angle.cos()[:, None, None], angle.sin()[:, None, None]
     forward, aside = x * cosine + y * sine, y * cosine - x * sine
@@ -58,7 +58,10 @@ def radial_blur(picture: Tensor, config: AugmentConfig, rng: RandomSource) -> Te
     part = picture[chosen]
     total = torch.zeros_like(part)
     for share in (-0.5, -0.25, 0.0, 0.25, 0.5):
-        affine = torch.eye(2, 3).repeat(len(chosen), 1, 1) * (1 + share * strength)[:, None, None]
+        affine = (
+            torch.eye(2, 3, device=rng.device).repeat(len(chosen), 1, 1)
+            * (1 + share * strength)[:, None, None]
+        )
         grid = functional.affine_grid(affine, list(part.shape), align_corners=False)
         total += functional.grid_sample(part, grid, padding_mode="border", align_corners=False)
     picture = picture.clone()
@@ -89,7 +92,7 @@ def perturb_lens(picture: Tensor, config: AugmentConfig, rng: RandomSource) -> T
     if not len(chosen):
         return picture
     count = len(chosen)
-    line = torch.linspace(-1, 1, size)
+    line = torch.linspace(-1, 1, size, device=rng.device)
     y, x = torch.meshgrid(line, line, indexing="ij")
     stretch, shear, radial, aside, below = rng.uniform(5, count, 1, 1, between=(-1.0, 1.0))
     away = radial * ((x - 0.5 * aside) ** 2 + (y - 0.5 * below) ** 2)
@@ -122,18 +125,24 @@ def sharpen(picture: Tensor, config: AugmentConfig, rng: RandomSource) -> Tensor
     return picture
 
 
-def degrade(picture: Tensor, config: AugmentConfig, rng: RandomSource, groups: int = 4) -> Tensor:
-    """Lower resolution and JPEG blocks, one setting a group of the batch."""
+def degrade(
+    picture: Tensor, gamma: Tensor, config: AugmentConfig, rng: RandomSource, groups: int = 4
+) -> Tensor:
+    """Lower resolution, colours as a screen wants them, JPEG; one setting a group of the batch.
+
+    Pixels of the sensor add up light: that is before the exponents 1 / gamma (B, 1, 1, 1).
+    """
     size = picture.shape[-1]
     parts = []
-    for part in picture.chunk(groups):
+    for part, exponent in zip(picture.chunk(groups), gamma.chunk(groups), strict=True):
         small = part
-        if rng.uniform(1).item() < config.downsampled:
-            side = round(size * rng.uniform(1, between=config.resolution).item())
+        if rng.one() < config.downsampled:
+            side = round(size * rng.one(config.resolution))
             small = functional.interpolate(
                 part, (side, side), mode="bilinear", antialias=True, align_corners=False
             )
-        if rng.uniform(1).item() < config.jpeg:
+        small = small.clamp_min(1e-4) ** (1 / exponent)
+        if rng.one() < config.jpeg:
             quality = rng.uniform(len(part), between=config.jpeg_quality)
             small = jpeg_codec_differentiable(small.clamp(0, 1), quality)
         if small.shape[-1] != size:

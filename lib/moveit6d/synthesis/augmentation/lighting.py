@@ -59,14 +59,18 @@ def light(
     base = albedo[sample, :, row, column]
 
     def uniform(*shape: int, between: Range = (0.0, 1.0)) -> Tensor:
-        return torch.rand(*shape, generator=generator) * (between[1] - between[0]) + between[0]
+        return (
+            torch.rand(*shape, generator=generator, device=albedo.device)
+            * (between[1] - between[0])
+            + between[0]
+        )
 
     smooth = uniform(batch, between=config.smoothness)[sample]
     metal = uniform(batch, between=config.metallic)[sample][:, None]
     power = 2 ** (10 * smooth * 0.8 + 1)
-    diffuse, shine = torch.zeros(len(sample)), torch.zeros(len(sample))
+    diffuse, shine = torch.zeros(2, len(sample), device=albedo.device)
     for _ in range(config.lights):
-        place = torch.randn(batch, 3, generator=generator)
+        place = torch.randn(batch, 3, generator=generator, device=albedo.device)
         place[:, 2] = -place[:, 2].abs()  # in front of the object, or it would be black
         place = torch.nn.functional.normalize(place, dim=-1)
         place = place * uniform(batch, 1, between=config.distance)
@@ -76,8 +80,10 @@ def light(
         diffuse += strength * (normals * to_light).sum(-1).clamp_min(0)
         shine += strength * (normals * halfway).sum(-1).clamp_min(0) ** power
     ambient = uniform(batch, between=config.ambient)[sample]
-    colours = torch.tensor(config.colours)
-    colour = colours[torch.randint(len(colours), (batch,), generator=generator)]
+    colours = torch.tensor(config.colours, device=albedo.device)
+    colour = colours[
+        torch.randint(len(colours), (batch,), generator=generator, device=albedo.device)
+    ]
     colour = uniform(batch, 1, between=config.tint) * (colour - 1)
     around = (1 + config.ambient_tint * colour)[sample] * ambient[:, None]
     colour = ((1 + colour) * uniform(batch, 1, between=config.enhanced))[sample]

@@ -7,7 +7,6 @@ costs nothing any more.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,10 +15,9 @@ from torch import Tensor
 from torch.nn import functional
 
 from ...geometry.crop import OBJECT_SIZE, PATCH_SIZE
-from ...geometry.mesh import Mesh, sphere_diameters
 from ...geometry.pose import Pose
 from ...geometry.rotation import random_rotations
-from ...rendering.renderer import Renderer
+from ..objects.object_set import ObjectSet
 from .augment import RandomSource
 from .lighting import LightConfig, light
 
@@ -40,14 +38,14 @@ class OccluderBank:
     """Patches (4, h, w) of lit objects, colour × alpha and alpha, drawn at random."""
 
     def __init__(
-        self, meshes: Sequence[Mesh], config: BankConfig, renderer: Renderer,
-        lights: LightConfig, distance: Range, rng: RandomSource,
+        self, objects: ObjectSet, config: BankConfig, lights: LightConfig, distance: Range,
+        rng: RandomSource, random: np.random.Generator,
     ) -> None:  # fmt: skip
-        self.meshes, self.config, self.renderer = meshes, config, renderer
+        self.objects, self.config, self.random = objects, config, random
         self.lights, self.distance, self.rng = lights, distance, rng
         side = int(config.resized[1])
         # Pages of memory that nothing has been written to cost nothing.
-        self.patches = torch.empty(config.size, 4, side, side, dtype=torch.uint8)
+        self.patches = torch.empty(config.size, 4, side, side, dtype=torch.uint8, device=rng.device)
         self.filled = 0
 
     def grow(self) -> None:
@@ -59,7 +57,7 @@ class OccluderBank:
 
     def draw(self, count: int) -> Tensor:
         """Random patches in the middle of empty ones of full size: (count, 4, 128, 128)."""
-        index = torch.randint(self.filled, (count,), generator=self.rng.generator)
+        index = self.rng.whole(count, below=self.filled)
         margin = PATCH_SIZE - self.patches.shape[-1]
         before = margin // 2
         sides = (before, margin - before, before, margin - before)
@@ -67,16 +65,13 @@ class OccluderBank:
 
     def _render(self, count: int) -> Tensor:
         rng, side = self.rng, self.patches.shape[-1]
-        which = torch.randint(len(self.meshes), (count,), generator=rng.generator)
-        meshes = [self.meshes[int(k)] for k in which]
+        index = self.objects.draw(self.random, count)
         low, high = np.log(self.distance)
         distance = torch.exp(rng.uniform(count, between=(low, high))).double()
-        diameter = sphere_diameters(meshes)
-        ahead = torch.zeros(count, 3, dtype=torch.float64)
-        ahead[:, 2] = distance * diameter
+        ahead = functional.pad((distance * self.objects.diameters(index))[:, None], (2, 0))
         poses = Pose(random_rotations(count, rng.generator), ahead)
-        layers = lit_layers(self.renderer, meshes, poses, distance, self.lights, rng)
-        result = torch.zeros(count, 4, side, side)
+        layers = lit_layers(self.objects, index, poses, distance, self.lights, rng)
+        result = torch.zeros(count, 4, side, side, device=rng.device)
         for number, layer in enumerate(layers):
             cut = self._cut(layer)
             top, left = (side - cut.shape[-2]) // 2, (side - cut.shape[-1]) // 2
@@ -97,15 +92,15 @@ class OccluderBank:
 
 
 def lit_layers(
-    renderer: Renderer, meshes: Sequence[Mesh], poses: Pose, distance: Tensor,
-    lights: LightConfig, rng: RandomSource,
+    objects: ObjectSet, index: Tensor, poses: Pose, distance: Tensor, lights: LightConfig,
+    rng: RandomSource,
 ) -> Tensor:  # fmt: skip
-    """Meshes seen in look-at patches, lit: (B, 4, 128, 128), colour × mask and mask.
+    """Objects (B,) seen in look-at patches, lit: (B, 4, 128, 128), colour × mask and mask.
 
     `distance` (B,) sets the focal length as that of an object so many diameters away.
     """
     focal = OBJECT_SIZE * distance
-    seen = renderer.render(list(meshes), poses, _patch_intrinsics(focal))
+    seen = objects.render(index, poses, _patch_intrinsics(focal))
     # The unit in which the middle of the patch is `distance` away: what `light` measures in.
     unit = (poses.translation[:, 2] / distance).float()[:, None, None, None]
     near = distance.float()
@@ -116,7 +111,7 @@ def lit_layers(
 
 def _patch_intrinsics(focal: Tensor) -> Tensor:
     """Intrinsics (B, 3, 3) of look-at patches by their focal lengths (B,) in pixels."""
-    matrix = torch.zeros(len(focal), 3, 3, dtype=torch.float64)
+    matrix = focal.new_zeros(len(focal), 3, 3)
     matrix[:, 0, 0] = matrix[:, 1, 1] = focal
     matrix[:, 0, 2] = matrix[:, 1, 2] = (PATCH_SIZE - 1) / 2
     matrix[:, 2, 2] = 1

@@ -16,7 +16,7 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class ClusterConfig:
-    """Shares of the clusters and their ranges of absolute counts; signs are random.
+    """Shares of the clusters and their ranges of the absolute values; signs are random.
 
     The paper draws each of the five clusters equally often. `near` is ours: all six axes within
     `near_range`, where a tracker spends its last iterations.
@@ -88,6 +88,49 @@ def draw_delta(
     raise InputError(f"Unknown cluster {cluster!r}; known are {', '.join(CLUSTERS)}.")
 
 
+def draw_deltas(
+    random: np.random.Generator, config: ClusterConfig, number: int, cluster: str | None = None
+) -> np.ndarray:
+    """Pose deltas (number, 6) float64, each from a random cluster, or all from the named one.
+
+    In the first two clusters each of the 13 actions, stop among them, is as likely.
+    """
+    shares = np.asarray(config.shares())
+    if cluster is not None and cluster not in CLUSTERS:
+        raise InputError(f"Unknown cluster {cluster!r}; known are {', '.join(CLUSTERS)}.")
+    chosen = (
+        np.full(number, CLUSTERS.index(cluster))
+        if cluster is not None
+        else random.choice(len(CLUSTERS), size=number, p=shares / shares.sum())
+    )
+    small = _draw_many(random, number, (config.small_shift,) * 2 + (config.small_rest,) * 4)
+    large = _draw_many(
+        random, number, (config.large_shift,) * 2 + (config.large_size,) + (config.large_turn,) * 3
+    )
+    near = _draw_many(
+        random, number, (config.near_shift,) * 2 + (config.near_size,) + (config.near_turn,) * 3
+    )
+    action = random.integers(13, size=number)
+    sign = np.where(action % 2 == 0, 1.0, -1.0)[:, None]
+    alone = np.arange(6) == action[:, None] // 2  # no axis at all for stop, the last action
+    axis = np.arange(6) == random.integers(6, size=number)[:, None]
+    found = {
+        "one_small": alone * np.abs(small) * sign,
+        "one_large": alone * np.abs(large) * sign,
+        "one_large_rest_small": np.where(axis, large, small),
+        "all_small": small,
+        "all_large": large,
+        "near": near,
+    }
+    return np.asarray(np.stack([found[name] for name in CLUSTERS])[chosen, np.arange(number)])
+
+
 def _draw(random: np.random.Generator, ranges: tuple[Range, ...]) -> np.ndarray:
     low, high = np.array(ranges).T
     return np.asarray(random.uniform(low, high) * random.choice([-1.0, 1.0], len(ranges)))
+
+
+def _draw_many(random: np.random.Generator, number: int, ranges: tuple[Range, ...]) -> np.ndarray:
+    low, high = np.array(ranges).T
+    shape = (number, len(ranges))
+    return np.asarray(random.uniform(low, high, shape) * random.choice([-1.0, 1.0], shape))

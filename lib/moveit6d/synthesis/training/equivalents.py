@@ -6,45 +6,60 @@ Never renders. No network is taught to turn a can whose turn nobody can see.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from ...actions import expert_delta, pose_delta
+from ...actions import pose_delta
 from ...geometry.crop import Crop
-from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 
 
 def nearest_delta(
-    meshes: Sequence[Mesh], start: Pose, goal: Pose, sphere_diameter: Tensor,
+    symmetries: Sequence[NDArray[np.float64]], start: Pose, goal: Pose, sphere_diameter: Tensor,
     crop: Crop = "look_at",
 ) -> Tensor:  # fmt: skip
     """Counts (B, 6) from centred poses (B) to the nearest equivalents of their goals.
 
-    Those of `actions.difference` for objects that declare no symmetry. `sphere_diameter` (B,) in
-    metres.
+    `symmetries` are each object's motions (S, 4, 4) of its centred frame, the identity first; the
+    choice is the shortest pose delta, as in `actions.expert_difference`. `sphere_diameter`
+    (B,) in metres.
     """
     delta = pose_delta(start, goal, sphere_diameter, crop)
-    for number, mesh in enumerate(meshes):
-        if not mesh.symmetries.is_trivial:
-            delta[number] = expert_delta(
-                start[number],
-                goal[number],
-                sphere_diameter[number],
-                centred_symmetries(mesh),
-                crop,
-            )
+    several = [number for number, motions in enumerate(symmetries) if len(motions) > 1]
+    if not several:
+        return delta
+    device = delta.device
+    motions, row = equivalents([symmetries[number] for number in several], device)
+    chosen = torch.tensor(several, device=device)
+    owner = chosen[row]
+    goals = goal[owner] @ Pose.from_matrix(motions)
+    each = pose_delta(start[owner], goals, sphere_diameter[owner], crop)
+    length = each.norm(dim=-1)
+    least = length.new_full((len(several),), torch.inf).scatter_reduce(0, row, length, "amin")
+    place = torch.arange(len(each), device=device)
+    best = torch.where(length <= least[row], place, len(each))
+    first = torch.full_like(chosen, len(each)).scatter_reduce(0, row, best, "amin")
+    delta[chosen] = each[first.clamp_max(len(each) - 1)]
     return delta
 
 
-@lru_cache(maxsize=128)
-def centred_symmetries(mesh: Mesh) -> Tensor:
-    """A mesh's symmetries (S, 4, 4) in its centred frame, the identity first."""
-    motions = mesh.symmetries.transforms()
-    moved = motions[:, :3, :3] @ mesh.center - mesh.center
-    centred = motions.copy()
-    centred[:, :3, 3] += moved
-    return torch.from_numpy(np.ascontiguousarray(centred))
+def equivalents(
+    symmetries: Sequence[NDArray[np.float64]], device: torch.device
+) -> tuple[Tensor, Tensor]:
+    """All motions (N, 4, 4) one after another, and whose each is (N,)."""
+    motions = torch.from_numpy(np.concatenate(symmetries)).to(device)
+    number = torch.tensor([len(some) for some in symmetries])
+    row = torch.repeat_interleave(torch.arange(len(symmetries)), number).to(device)
+    return motions, row
+
+
+def turned_from(symmetries: Sequence[NDArray[np.float64]], one: Tensor, other: Tensor) -> Tensor:
+    """Degrees (B,) between rotations (B, 3, 3), the other by its nearest equivalent."""
+    motions, row = equivalents(symmetries, one.device)
+    turn = one[row].mT @ other[row] @ motions[:, :3, :3]
+    cosine = ((turn.diagonal(dim1=-2, dim2=-1).sum(-1) - 1) / 2).clamp(-1, 1)
+    angle = torch.rad2deg(torch.arccos(cosine))
+    return angle.new_full((len(symmetries),), torch.inf).scatter_reduce(0, row, angle, "amin")

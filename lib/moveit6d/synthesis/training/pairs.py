@@ -1,35 +1,40 @@
 """Training pairs: a start pose's rendering beside an observed patch whose true pose is known.
 
 Never trains. A pair lives in one look-at view, that of the start pose, so that all it needs is an
-orientation, a distance in diameters and the counts to the truth. (For comparison also in
-an axis-parallel view; there it matters in which direction the object stands.)
+orientation, a distance in diameters and the pose delta to the truth. (For comparison also in an
+axis-parallel view; there it matters in which direction the object stands.) Everything is tensor
+arithmetic on the device of the objects: a CPU, or a GPU that draws hundreds of pairs at once.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
 from ...actions import PoseAction, pose_delta
 from ...geometry.crop import PATCH_SIZE, Crop, crop_patches, view_of
-from ...geometry.mesh import Mesh, sphere_diameters
+from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...geometry.rotation import random_rotations
 from ...observation import Observation
-from ...rendering.embree import EmbreeRenderer
 from ...rendering.renderer import GBuffer
 from ...rendering.shading import shade_plain
 from ..augmentation.augment import AugmentConfig, RandomSource
 from ..augmentation.composing import Composer
-from ..augmentation.hands import HandConfig
+from ..augmentation.hands import HandConfig, HandSource, MadeHands
 from ..augmentation.lighting import LightConfig
 from ..augmentation.occluder_bank import BankConfig
-from .clusters import ClusterConfig, draw_delta
+from ..augmentation.photo_bank import PhotoBank
+from ..objects.object_set import MeshObjects, ObjectSet
+from .clusters import ClusterConfig, draw_deltas
 from .equivalents import nearest_delta
+from .views import ViewBatch, ViewConfig, draw_views
 
 
 @dataclass(frozen=True)
@@ -41,29 +46,35 @@ class PairConfig:
     augment: AugmentConfig = field(default_factory=AugmentConfig)
     hands: HandConfig = field(default_factory=HandConfig)
     bank: BankConfig = field(default_factory=BankConfig)
+    views: ViewConfig = field(default_factory=ViewConfig)
     distance: tuple[float, float] = (2.2, 14.0)  # of the object in diameters, log-uniform
     crop: Crop = "look_at"
     off_axis: float = 0.45  # tangent up to which objects stand beside the axis, if axis-parallel
     zoomed: float = 0.0  # share of pairs of which the patch shows only the middle of the object …
-    zoom: tuple[float, float] = (1.1, 2.0)  # … so many times larger; all counts are larger, too
+    zoom: tuple[float, float] = (1.1, 2.0)  # … so many times larger; the pose delta is larger, too
     # What a policy may move at once, and how far off it may lead, in training on its own states.
     farthest: tuple[float, ...] = (35.0, 35.0, 20.0, 25.0, 25.0, 25.0)
     texture_gain: float = 0.2  # how far the mesh's colours may be from the object's, a channel
     texture_wave: float = 0.0  # the same, changing smoothly over the rendering
+    turned: float = 0.0  # share of pairs that are turned far away, for the confidence
+    turned_by: tuple[float, float] = (35.0, 180.0)  # degrees, about any axis
+    absent: float = 0.0  # share of pairs of which the picture shows another object or none
 
 
 @dataclass(frozen=True)
 class TrainingBatch:
     """Observations and the truth about them, B pairs.
 
-    `counts` (B, 6) take the start to the truth, or to the nearest pose that looks the same if the
-    object declares symmetries; `true_depth` (B, 1, 128, 128) is the true pose's
-    depth as in `Observation.depth`, `true_mask` (B, 1, 128, 128) its silhouette and `visible`
-    (B, 1, 128, 128) what of that nothing covers; `clear` (B, 1, 128, 128) is 1 where nothing would
-    cover the object; `mesh` (B,) is the index of the object, `zoom` (B,) how many times larger than
-    usual the patch shows it (counts, distance and depths are in diameters divided by that),
+    `delta` (B, 6) takes the start to the truth, or to the nearest pose that looks the same if the
+    object declares symmetries; `true_depth` (B, 1, 128, 128) is the true pose's depth as in
+    `Observation.depth`, `true_mask` (B, 1, 128, 128) its silhouette and `visible` (B, 1, 128, 128)
+    what of that nothing covers; `clear` (B, 1, 128, 128) is 1 where nothing would cover the object;
+    `mesh` (B,) is the number of the object, on the CPU, `zoom` (B,) how many times larger than
+    usual the patch shows it (delta, distance and depths are in diameters divided by that),
     `rotation` (B, 3, 3) the start's in its view and `direction` (B, 2) x / z and y / z of its
-    centre there, 0 in a look-at view.
+    centre there, 0 in a look-at view. `present` (B,) is 1 where the picture shows the object at
+    all, `near` (B,) where it does and the truth is within `PairConfig.farthest`: what is farther
+    only teaches the confidence. `views` are templates for the descriptors, if any were drawn.
     """
 
     observation: Observation
@@ -76,81 +87,104 @@ class TrainingBatch:
     zoom: Tensor
     rotation: Tensor
     direction: Tensor
+    present: Tensor
+    near: Tensor
+    views: ViewBatch | None = None
 
     def to(self, device: torch.device) -> TrainingBatch:
-        """The same pairs on another device."""
-        return TrainingBatch(*(getattr(self, item.name).to(device) for item in fields(self)))
+        """The same pairs on another device; `mesh` stays where it is."""
+        moved = {
+            item.name: getattr(self, item.name).to(device)
+            for item in fields(self)
+            if item.name not in ("mesh", "views")
+        }
+        views = None if self.views is None else self.views.to(device)
+        return TrainingBatch(mesh=self.mesh, views=views, **moved)
 
 
 class PairGenerator:
-    """Draws batches of pairs from meshes and photos; the same seed gives the same pairs."""
+    """Draws batches of pairs from objects and photos; the same seed gives the same pairs."""
 
     def __init__(
-        self, meshes: list[Mesh], photos: list[np.ndarray], config: PairConfig, seed: int,
-        occluders: list[Mesh] | None = None,
+        self, objects: list[Mesh] | ObjectSet, photos: list[np.ndarray] | PhotoBank,
+        config: PairConfig, seed: int, occluders: list[Mesh] | ObjectSet | None = None,
+        hands: HandSource | None = None,
     ) -> None:  # fmt: skip
-        """`occluders` fill the bank, if there is one; the same meshes unless others are given."""
-        self.meshes, self.config = meshes, config
+        """`occluders` fill the bank, if there is one; the same objects unless others are given."""
+        self.objects = objects = _objects(objects)
+        self.config, self.device = config, objects.device
         self.random = np.random.default_rng(seed)
-        self.generator = torch.Generator().manual_seed(int(self.random.integers(2**62)))
-        self.renderer = EmbreeRenderer()
+        self.generator = torch.Generator(self.device)
+        self.generator.manual_seed(int(self.random.integers(2**62)))
         self.rng = RandomSource(self.generator)
-        self.composer = Composer(photos, config.augment, config.lights, self.random, self.rng)
-        self.composer.use_bank(config.bank, occluders or meshes, self.renderer, config.distance)
-        self.composer.use_hands(config.hands, self.renderer)
+        pictures = photos if isinstance(photos, PhotoBank) else PhotoBank(photos, self.device)
+        self.composer = Composer(pictures, config.augment, config.lights, self.rng)
+        others = objects if occluders is None else _objects(occluders)
+        self.composer.use_bank(config.bank, others, config.distance, self.random)
+        if config.hands.share > 0:
+            if hands is None:
+                assert not isinstance(photos, PhotoBank), "made hands need photographs to print"
+                hands = MadeHands(config.hands, photos, self.random)
+            self.composer.use_hands(config.hands, hands, self.random)
 
     def batch(self, size: int, cluster: str | None = None) -> TrainingBatch:
         """`size` new pairs, of one named cluster if given."""
-        index = self.random.integers(len(self.meshes), size=size)
-        delta = np.stack([draw_delta(self.random, self.config.clusters, cluster) for _ in index])
-        return self.compose(torch.from_numpy(index), torch.from_numpy(delta))
+        index = self.objects.draw(self.random, size)
+        delta = draw_deltas(self.random, self.config.clusters, size, cluster)
+        return self.compose(index, torch.from_numpy(self._turned(delta)))
 
     def compose(self, index: Tensor, delta: Tensor) -> TrainingBatch:
-        """Pairs of the given meshes (B,) whose truth lies `counts` (B, 6) away from the start."""
-        meshes = [self.meshes[int(i)] for i in index]
-        zoom = self._zoom(len(meshes))
-        diameter = sphere_diameters(meshes) / zoom
+        """Pairs of the given objects (B,) whose truth lies a `delta` (B, 6) away from the start."""
+        batch, crop, device = len(index), self.config.crop, self.device
+        zoom = self._zoom(batch).to(device)
+        diameter = self.objects.diameters(index) / zoom
         low, high = np.log(self.config.distance)
-        distance = torch.from_numpy(np.exp(self.random.uniform(low, high, len(meshes)))) * zoom
-        rotation = random_rotations(len(meshes), self.generator)
-        direction = self._directions(len(meshes))
-        crop = self.config.crop
+        distance = torch.from_numpy(np.exp(self.random.uniform(low, high, batch))).to(device) * zoom
+        rotation = random_rotations(batch, self.generator)
+        direction = self._directions(batch).to(device)
         start = Pose(rotation, _place(direction, distance * diameter))
-        truth = PoseAction.from_delta(delta).apply_centred(start, diameter, crop)
-        delta = nearest_delta(meshes, start, truth, diameter, crop)
+        truth = PoseAction.from_delta(delta.to(device)).apply_centred(start, diameter, crop)
+        symmetries = self._symmetries(index)
+        delta = nearest_delta(symmetries, start, truth, diameter, crop)
         intrinsics = view_of(start, diameter, crop).intrinsics
-        rendered = self.renderer.render(meshes, start, intrinsics)
-        observed = self.renderer.render(meshes, truth, intrinsics)
+        rendered = self.objects.render(index, start, intrinsics)
+        observed, present = self._observed(index, truth, intrinsics, diameter)
         relative, true_depth = (
             _relative(buffer, distance, diameter) for buffer in (rendered, observed)
         )
         picture, clear = self.composer.picture(observed, true_depth, distance.float())
         rendering = self._rendering(rendered)
         observation = Observation(picture, rendering, relative, rendered.mask, distance.float())
-        return TrainingBatch(
-            observation, delta.float(), true_depth, observed.mask, observed.mask * clear, clear,
-            index, zoom, rotation, direction.float(),
+        shown = present[:, None, None, None]
+        pairs = TrainingBatch(
+            observation, delta.float(), true_depth, observed.mask * shown,
+            observed.mask * clear * shown, clear, index, zoom, rotation, direction.float(),
+            present, present * self._within(delta).float(),
         )  # fmt: skip
+        if not self.config.views.share:
+            return pairs
+        views = draw_views(pairs, start, truth, diameter, self.objects, self.config.views,
+                           self.rng, self._rendering)  # fmt: skip
+        return TrainingBatch(**{**vars(pairs), "views": views})
 
     def advance(self, batch: TrainingBatch, moves: Tensor) -> TrainingBatch:
         """The same pictures as they look after a policy's moves (B, 6), with new renderings.
 
-        So that a network is trained on the states that it leads to. A move that would
-        lose the object, or that leads farther away than `farthest`, is not made.
+        So that a network is trained on the states that it leads to (docs/method.md). A move is not
+        made if it would lose the object, or lead from near it to farther away than `farthest`.
         """
-        meshes = [self.meshes[int(i)] for i in batch.mesh]
-        diameter = sphere_diameters(meshes) / batch.zoom
+        diameter = self.objects.diameters(batch.mesh) / batch.zoom
         depth = batch.observation.distance.double() * diameter
         start = Pose(batch.rotation, _place(batch.direction.double(), depth))
         crop = self.config.crop
         truth = PoseAction.from_delta(batch.delta.double()).apply_centred(start, diameter, crop)
-        moves = self._sensible(moves.double(), start, truth, diameter)
+        moves = self._sensible(moves.double(), start, truth, diameter, batch.near)
         moved = PoseAction.from_delta(moves).apply_centred(start, diameter, crop)
         old, view = (view_of(pose, diameter, crop) for pose in (start, moved))
         here, goal = view.to_virtual(moved), view.to_virtual(truth)
         distance = view.distance / diameter
-        rendered = self.renderer.render(meshes, here, view.intrinsics)
-        observed = self.renderer.render(meshes, goal, view.intrinsics)
+        rendered = self.objects.render(batch.mesh, here, view.intrinsics)
+        observed = self.objects.render(batch.mesh, goal, view.intrinsics)
         layers = torch.cat([batch.observation.image, batch.clear], 1)
         layers = crop_patches(layers, view, old.intrinsics)
         clear = (layers[:, 3:] > 0.5).float()
@@ -160,11 +194,50 @@ class PairGenerator:
         observation = Observation(
             layers[:, :3], self._rendering(rendered), relative, rendered.mask, distance.float()
         )
+        delta = nearest_delta(self._symmetries(batch.mesh), here, goal, diameter, crop)
+        shown = batch.present[:, None, None, None]
         return TrainingBatch(
-            observation, nearest_delta(meshes, here, goal, diameter, crop).float(), true_depth,
-            observed.mask, observed.mask * clear, clear, batch.mesh, batch.zoom,
-            here.rotation, (here.translation[:, :2] / here.translation[:, 2:]).float(),
+            observation, delta.float(), true_depth, observed.mask * shown,
+            observed.mask * clear * shown, clear, batch.mesh, batch.zoom, here.rotation,
+            (here.translation[:, :2] / here.translation[:, 2:]).float(),
+            batch.present, batch.present * self._within(delta).float(),
         )  # fmt: skip
+
+    def _symmetries(self, index: Tensor) -> Sequence[NDArray[np.float64]]:
+        return [self.objects.symmetries(number) for number in index.tolist()]
+
+    def _turned(self, delta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The deltas with a far turn instead of theirs in a share of the pairs."""
+        if not self.config.turned:
+            return delta
+        number = len(delta)
+        axis = self.random.normal(size=(number, 3))
+        axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+        turn = axis * self.random.uniform(*self.config.turned_by, (number, 1))
+        chosen = self.random.random((number, 1)) < self.config.turned
+        delta = delta.copy()
+        delta[:, 3:] = np.where(chosen, turn, delta[:, 3:])
+        return delta
+
+    def _observed(
+        self, index: Tensor, truth: Pose, intrinsics: Tensor, diameter: Tensor
+    ) -> tuple[GBuffer, Tensor]:
+        """What the camera sees of each object, and 1 where it is that object at all."""
+        batch = len(index)
+        gone = self.random.random(batch) < self.config.absent
+        present = torch.from_numpy(~gone).float().to(self.device)
+        if not gone.any():
+            return self.objects.render(index, truth, intrinsics), present
+        # Half of the absent ones have another object in their place, as large, the rest nothing.
+        other = np.where(gone, self.objects.draw(self.random, batch).numpy(), index.numpy())
+        shown = torch.from_numpy(other)
+        size = self.objects.diameters(shown) / self.objects.diameters(index)
+        placed = Pose(truth.rotation, truth.translation * size[:, None])
+        seen = self.objects.render(shown, placed, intrinsics)
+        empty = torch.from_numpy(gone & (self.random.random(batch) < 0.5)).to(self.device)
+        kept = (~empty).float()[:, None, None, None]
+        depth = seen.depth / size.float()[:, None, None, None] * kept
+        return GBuffer(seen.albedo * kept, seen.normal * kept, depth, seen.mask * kept), present
 
     def _directions(self, number: int) -> Tensor:
         """x / z and y / z of so many objects' centres: (B, 2)."""
@@ -180,16 +253,25 @@ class PairGenerator:
         low, high = np.log(self.config.zoom)
         larger = np.exp(self.random.uniform(low, high, number))
         chosen = self.random.random(number) < self.config.zoomed
+        chosen[: self.config.views.count(number)] = False  # templates are of whole objects
         return torch.from_numpy(np.where(chosen, larger, 1.0))
 
-    def _sensible(self, moves: Tensor, start: Pose, truth: Pose, diameter: Tensor) -> Tensor:
+    def _within(self, delta: Tensor) -> Tensor:
+        """Which deltas (B, 6) lie within `farthest`: bool (B,)."""
+        far = torch.tensor(self.config.farthest, dtype=delta.dtype, device=delta.device)
+        return (delta.abs() <= far).all(-1)
+
+    def _sensible(
+        self, moves: Tensor, start: Pose, truth: Pose, diameter: Tensor, near: Tensor
+    ) -> Tensor:
         """The moves (B, 6), zero where they would lose the object."""
-        far = torch.tensor(self.config.farthest, dtype=torch.float64)
+        far = torch.tensor(self.config.farthest, dtype=torch.float64, device=moves.device)
         moves = moves.clamp(-far, far)
         crop = self.config.crop
         moved = PoseAction.from_delta(moves).apply_centred(start, diameter, crop)
-        left = pose_delta(moved, truth, diameter, crop).abs()
-        keep = (left <= far).all(-1) & (moved.translation[:, 2] > 1.5 * diameter)
+        left = pose_delta(moved, truth, diameter, crop)
+        keep = (self._within(left) | (near < 0.5)) & (left[:, :3].abs() <= far[:3]).all(-1)
+        keep = keep & (moved.translation[:, 2] > 1.5 * diameter)
         return moves * keep[:, None]
 
     def _rendering(self, rendered: GBuffer) -> Tensor:
@@ -202,6 +284,10 @@ class PairGenerator:
                 coarse, (PATCH_SIZE, PATCH_SIZE), mode="bilinear", align_corners=True
             )
         return (shade_plain(rendered) * (1 + gain)).clamp(0, 1)
+
+
+def _objects(given: list[Mesh] | ObjectSet) -> ObjectSet:
+    return MeshObjects(given) if isinstance(given, list) else given
 
 
 def _place(direction: Tensor, depth: Tensor) -> Tensor:

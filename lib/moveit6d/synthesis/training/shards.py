@@ -193,6 +193,8 @@ def _packed(batch: TrainingBatch) -> dict[str, Tensor]:
         "zoom": batch.zoom,
         "rotation": batch.rotation,
         "direction": batch.direction,
+        "present": batch.present,
+        "near": batch.near,
     }
 
 
@@ -210,12 +212,14 @@ def _unpacked(stored: dict[str, Any]) -> TrainingBatch:
         stored["delta"],
         stored["true_depth"].float(),
         true_mask,
-        true_mask * clear,
+        true_mask * clear * stored["present"][:, None, None, None],
         clear,
         stored["mesh"],
         stored["zoom"],
         stored["rotation"],
         stored["direction"],
+        stored["present"],
+        stored["near"],
     )
 
 

@@ -46,6 +46,7 @@ class PairSource:
     symmetric: float = 0.0
     occluders: tuple[Path, ...] = ()
     untextured: float = 0.0
+    shape_share: float = 0.7  # on a GPU: pairs of made shapes for each pair of a mesh
 
     def load_photos(self, random: np.random.Generator) -> list[np.ndarray]:
         """The photographs of the folder, or generated pictures."""

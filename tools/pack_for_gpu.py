@@ -1,0 +1,83 @@
+"""Pack all that a training on a lent GPU machine needs into one folder of at most 64 MiB.
+
+    python tools/pack_for_gpu.py MESHES PHOTOS OUTPUT [--wheels FOLDER]
+
+The code, the configurations, the meshes, the photographs at the size at which they are used, and
+wheels of what is missing there. On that machine, from OUTPUT: `bash train_on_gpu.sh MINUTES`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+
+from moveit6d.geometry.crop import look_at
+from moveit6d.geometry.mesh import Mesh, sphere_diameters
+from moveit6d.geometry.pose import Pose
+from moveit6d.geometry.rotation import random_rotations
+from moveit6d.rendering.embree import EmbreeRenderer
+from moveit6d.synthesis.augmentation.photos import load_photos
+from moveit6d.synthesis.training.source import mesh_files
+
+ROOT = Path(__file__).parents[1]
+LIMIT = 64 * 2**20
+QUALITY = 70  # of the photographs: they lie behind objects, and are made worse anyway
+
+
+def main() -> int:
+    """Pack, and say how large it became."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("meshes", type=Path)
+    parser.add_argument("photos", type=Path)
+    parser.add_argument("output", type=Path)
+    parser.add_argument("--wheels", type=Path, help="folder of .whl files to install there")
+    args = parser.parse_args()
+    shutil.rmtree(args.output, ignore_errors=True)
+    code = args.output / "code"
+    no_caches = shutil.ignore_patterns("__pycache__", "*.safetensors")
+    for name in ("lib/moveit6d", "lightning_modules", "configs"):
+        shutil.copytree(ROOT / name, code / name, ignore=no_caches)
+    for name in ("train_on_gpu.sh", "probe_gpu.py"):
+        shutil.copy(ROOT / "tools" / name, args.output)
+    (args.output / "meshes").mkdir()
+    for path in mesh_files(args.meshes):
+        shutil.copy(path, args.output / "meshes")
+    (args.output / "photos").mkdir()
+    for number, photo in enumerate(load_photos(args.photos)):
+        Image.fromarray(photo).save(args.output / f"photos/{number:05d}.jpg", quality=QUALITY)
+    if args.wheels is not None:
+        shutil.copytree(args.wheels, args.output / "wheels")
+    _write_reference(args.output / "meshes", args.output / "reference.npz")
+    size = sum(path.stat().st_size for path in args.output.rglob("*") if path.is_file())
+    print(f"{args.output}: {size / 2**20:.1f} MiB")
+    return 0 if size <= LIMIT else 1
+
+
+def _write_reference(meshes: Path, output: Path) -> None:
+    """Renderings by ray casting, with which `probe_gpu.py` compares those of the GPU."""
+    paths = mesh_files(meshes)[::22]
+    loaded = [Mesh.load(path) for path in paths]
+    generator = torch.Generator().manual_seed(0)
+    diameter = sphere_diameters(loaded)
+    distance = 2.2 + 8 * torch.rand(len(loaded), generator=generator, dtype=torch.float64)
+    ahead = torch.nn.functional.pad((diameter * distance)[:, None], (2, 0))
+    pose = Pose(random_rotations(len(loaded), generator), ahead)
+    seen = EmbreeRenderer().render(loaded, pose, look_at(pose, diameter).intrinsics)
+    np.savez_compressed(
+        output,
+        names=[path.name for path in paths],
+        rotation=pose.rotation.numpy(),
+        translation=pose.translation.numpy(),
+        albedo=seen.albedo.half().numpy(),
+        depth=seen.depth.numpy(),
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

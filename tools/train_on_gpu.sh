@@ -1,0 +1,38 @@
+#!/usr/bin/env bash
+# Train the compact network on a lent GPU, from what tools/pack_for_gpu.py packed.
+#
+#   bash train_on_gpu.sh probe            a minute: are the renderings right, how fast is each part
+#   bash train_on_gpu.sh MINUTES [args]   train that long; further arguments go to `moveit6d fit`
+#
+# Weights, checkpoint and log come out in $OUT (./out without it). The learning rate falls with time,
+# so that the training is whole however fast the machine is. To go on from an earlier checkpoint, put
+# it there as last.ckpt first. Needs PyTorch with CUDA, CuPy and Lightning; wheels/ brings the rest.
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+out=${OUT:-$here/out}
+if compgen -G "$here/wheels/*.whl" >/dev/null; then
+    python3 -m pip install -q --no-index --no-deps --no-compile --no-cache-dir --upgrade \
+        --target /tmp/moveit6d-site "$here"/wheels/*.whl
+fi
+export PYTHONPATH=$here/code/lib:$here/code:/tmp/moveit6d-site PYTHONUNBUFFERED=1 OMP_NUM_THREADS=1
+mkdir -p "$out"
+if [[ $1 == probe ]]; then
+    exec python3 -W ignore "$here/probe_gpu.py" "$here" "$out"
+fi
+minutes=$1
+shift
+limit=$(python3 -c "s = int(60 * float('$minutes')) + 2; print(f'00:{s // 3600:02d}:{s % 3600 // 60:02d}:{s % 60:02d}')")
+cat >/tmp/moveit6d-fit.py <<'PYTHON'
+import sys
+
+from lightning_modules.cli import main
+
+if __name__ == "__main__":  # worker processes import this file
+    main(sys.argv[1:])
+PYTHON
+python3 -W ignore /tmp/moveit6d-fit.py --config "$here/code/configs/fit/compact.yaml" \
+    --config "$here/code/configs/overlay/gpu_pairs.yaml" \
+    --data.meshes "$here/meshes" --data.photos "$here/photos" --output "$out" \
+    --trainer.logger false --trainer.limit_val_batches 0 --trainer.max_time "$limit" \
+    --trainer.max_steps 1000000 --model.total_steps 1000000 --model.minutes "$minutes" \
+    --checkpoint.every_n_train_steps 500 --export.every_n_steps 500 "$@" 2>&1 | tee "$out/log.txt"
