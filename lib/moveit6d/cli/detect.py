@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
     policy, renderer = set_up(args)
     detector = PoseDetector(
         mesh, camera, judge=args.judge, search=search, policy=policy, renderer=renderer,
-        max_steps=args.max_steps,
+        max_steps=args.max_steps, threads=args.threads,
     )  # fmt: skip
     found = detector.detect(frame.image)
     if found.result is None or found.pose is None:

@@ -171,7 +171,7 @@ def _tracks(
     def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker:
         return PoseTracker(
             mesh, camera, start, policy=policy, renderer=renderer, max_steps=limit,
-            regions=False,  # the paper has no such thing
+            threads=args.threads, regions=False,  # the paper has no such thing
         )  # fmt: skip
 
     kept = {k: v for k, v in facts.items() if k not in ("only", "versions")}
@@ -280,7 +280,7 @@ def _detection(args: argparse.Namespace) -> Outcome:
     detectors = {
         video.name: PoseDetector(
             video.load_mesh(), video.camera, judge="steps", search=search, policy=policy,
-            renderer=renderer, max_steps=args.max_steps,
+            renderer=renderer, max_steps=args.max_steps, threads=args.threads,
         )
         for video in videos
     }  # fmt: skip

@@ -72,7 +72,7 @@ def track_job(
         return PoseTracker(
             mesh, camera, start, policy=policy, renderer=renderer,
             max_steps=job.setting.max_steps, search=job.setting.search,
-            regions=job.setting.regions,
+            regions=job.setting.regions, threads=job.setting.threads,
         )  # fmt: skip
 
     gathered = Gathered()

@@ -113,6 +113,7 @@ def run(args: argparse.Namespace) -> int:
     tracker = PoseTracker(
         mesh, camera, start, policy=policy, renderer=renderer,
         max_steps=args.max_steps, search=not args.no_search, regions=not args.no_regions,
+        threads=args.threads,
     )  # fmt: skip
     output = new_folder(args.output)
     record = Record()

@@ -117,25 +117,8 @@ def read_json_list(path: Path) -> list[Any]:
 
 
 def read_camera(path: Path) -> Camera:
-    """Camera of a camera.json: fx, fy, cx, cy, width, height and, optional, distortion."""
-    content = read_json(path)
-    missing = [key for key in ("fx", "fy", "cx", "cy", "width", "height") if key not in content]
-    if missing:
-        raise InputError(
-            f"{path}: {', '.join(missing)} missing; a camera needs fx, fy, cx, cy (pixels), "
-            "width and height."
-        )
-    fx, fy, cx, cy = (_number(content[key], f"{path}: {key}") for key in ("fx", "fy", "cx", "cy"))
-    width, height = (_whole(content[key], f"{path}: {key}") for key in ("width", "height"))
-    distortion = content.get("distortion")
-    if distortion is not None:
-        if not isinstance(distortion, list):
-            raise InputError(f"{path}: distortion must be the list [k1, k2, p1, p2, k3].")
-        distortion = tuple(_number(value, f"{path}: distortion") for value in distortion) or None
-    try:
-        return Camera(fx, fy, cx, cy, width, height, distortion)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    """The camera of a file; see `Camera.load`."""
+    return Camera.load(path)
 
 
 def write_camera(path: Path, camera: Camera) -> None:
@@ -145,6 +128,10 @@ def write_camera(path: Path, camera: Camera) -> None:
     }
     if camera.distortion is not None:
         content["distortion"] = list(camera.distortion)
+    if camera.distortion_model != "opencv":
+        content["distortion_model"] = camera.distortion_model
+    if camera.skew:
+        content["skew"] = camera.skew
     write_json(path, content)
 
 
@@ -323,19 +310,6 @@ def _optional(text: str | None, where: str) -> float | None:
         return float(text)
     except ValueError:
         raise InputError(f"{where} must be a number, found {text!r}.") from None
-
-
-def _number(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{where} must be a number, found {value!r}.")
-    return float(value)
-
-
-def _whole(value: Any, where: str) -> int:
-    number = _number(value, where)
-    if not number.is_integer():
-        raise InputError(f"{where} must be a whole number, found {value!r}.")
-    return int(number)
 
 
 def _not_millimetres(pose: Pose, where: str) -> Pose:

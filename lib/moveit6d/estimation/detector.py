@@ -22,6 +22,7 @@ from ..geometry.rotation import random_rotations
 from ..geometry.rotation_grid import rotation_grid
 from ..policies import MoveMode, Policy, load_policy
 from ..rendering.renderer import Renderer, make_renderer
+from ..threads import checked_threads, with_own_threads
 from .frame import Frame, prepare_frame
 from .loop import MAX_STEPS, StopReason, Target, TrackingResult, out_of_sight, refine_batch
 from .seeding import SeedField, Sink, find_sinks, seed_field, seed_poses
@@ -115,6 +116,8 @@ class PoseDetector:
         renderer: the back end; embree if None.
         max_steps: limit of cycles of each candidate; if None `MAX_STEPS` of the policy's mode, but
             the paper's 30 for judge `steps`, which must see the loops end by themselves.
+        threads: CPU threads of torch and OpenCV while it computes; the caller's if None. More than
+            one gain little and lose much beside other busy processes.
     """
 
     def __init__(
@@ -127,22 +130,25 @@ class PoseDetector:
         policy: Policy | None = None,
         renderer: Renderer | None = None,
         max_steps: int | None = None,
+        threads: int | None = 1,
     ) -> None:
         if judge not in list(Judge):
             raise InputError(f"There is no judge {judge!r}; choose one of {', '.join(Judge)}.")
         self.mesh, self.camera, self.max_steps = mesh, camera, max_steps
+        self.threads = checked_threads(threads)
         self.judge, self.search = Judge(judge), search or SearchConfig()
         if max_steps is None and self.judge is Judge.STEPS:
             self.max_steps = MAX_STEPS[MoveMode.SINGLE]
         self.policy: Policy = load_policy() if policy is None else policy
         self.renderer = make_renderer() if renderer is None else renderer
 
+    @with_own_threads
     def detect(self, image: Any) -> Detection:
         """The object in an RGB image (H, W, 3); it is taken to be there.
 
         Raises `InputError` if the image does not fit the camera.
         """
-        frame = prepare_frame(image, self.camera)
+        frame = prepare_frame(image, self.camera).undistorted
         fields = self.seed(frame)
         found = [sink for field in fields for sink in find_sinks(field, 2 * self.search.sinks)]
         places = strongest(found, self.search.sinks)
@@ -150,9 +156,10 @@ class PoseDetector:
         best = best_of(candidates, self.judge)
         return Detection(None if best is None else best.result, fields, places, candidates)
 
+    @with_own_threads
     def seed(self, image: Any) -> tuple[SeedField, ...]:
         """The fields of one iteration from seeds all over the image, one a size."""
-        frame = prepare_frame(image, self.camera)
+        frame = prepare_frame(image, self.camera).undistorted
         generator = torch.Generator().manual_seed(self.search.seed)
         turns = random_rotations(self.search.poses, generator)
         side = min(self.camera.width, self.camera.height)
@@ -161,9 +168,10 @@ class PoseDetector:
             for share in self.search.sizes
         )
 
+    @with_own_threads
     def try_rotations(self, image: Any, sinks: Sequence[Sink]) -> tuple[Candidate, ...]:
         """Loops from a coarse grid over all rotations at every sink, in batches."""
-        frame = prepare_frame(image, self.camera)
+        frame = prepare_frame(image, self.camera).undistorted
         grid = rotation_grid(self.search.rotations)
         starts = [
             (sink, pose)

@@ -14,6 +14,7 @@ from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..policies import MoveMode, Policy, TurnedPolicy, load_policy
 from ..rendering.renderer import Renderer, make_renderer
+from ..threads import checked_threads, with_own_threads
 from .frame import prepare_frame
 from .last_word import last_word
 from .loop import Target, TrackingResult, refine_batch
@@ -31,6 +32,8 @@ class PoseEstimator:
         max_steps: limit of cycles; `MAX_STEPS` of the policy's mode if None.
         search: where the network does not believe its end, start from places around as well.
         regions: after the policy's moves, fit the outline to where the object's colours end.
+        threads: CPU threads of torch and OpenCV while it computes; the caller's if None. More than
+            one gain little and lose much beside other busy processes.
     """
 
     def __init__(
@@ -43,12 +46,15 @@ class PoseEstimator:
         max_steps: int | None = None,
         search: bool = True,
         regions: bool = True,
+        threads: int | None = 1,
     ) -> None:
         self.mesh, self.camera, self.max_steps = mesh, camera, max_steps
         self.search, self.regions = search, regions
+        self.threads = checked_threads(threads)
         self.policy: Policy = load_policy() if policy is None else policy
         self.renderer = make_renderer() if renderer is None else renderer
 
+    @with_own_threads
     def refine(self, image: Any, pose: Pose) -> TrackingResult:
         """The pose in an RGB image (H, W, 3) near `pose`; both in the mesh file's frame.
 

@@ -27,7 +27,10 @@ def last_word(
     begin = time.perf_counter()
     frame = prepare_frame(target.image, target.camera)
     given = target.mesh.inner(result.pose)
-    found = polish(frame.pixels, frame.camera.matrix(), target.mesh, given, renderer, colours)
+    found = polish(
+        frame.pixels, frame.camera.matrix(), target.mesh, given, renderer, colours,
+        frame.camera.lens,
+    )  # fmt: skip
     spent = (time.perf_counter() - begin) * 1e3
     pose, milliseconds = target.mesh.outer(found.pose), result.milliseconds + spent
     return replace(result, pose=pose, milliseconds=milliseconds), found.colours

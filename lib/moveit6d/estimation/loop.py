@@ -5,12 +5,14 @@ Never knows a network, only the policy protocol. Paper, section "Method"; METHOD
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -18,6 +20,7 @@ from ..actions import PoseAction, difference
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.crop import Crop, View, crop_patch, view_of
+from ..geometry.lens import Lens
 from ..geometry.mesh import Mesh, sphere_diameters
 from ..geometry.pose import Pose
 from ..networks.decision import Decision
@@ -204,6 +207,7 @@ class _Scene:
     images: list[Tensor]
     cameras: list[Camera]
     intrinsics: list[Tensor]
+    lenses: list[Lens | None]
     meshes: list[Mesh]
     diameter: Tensor
     depth_bias: Tensor
@@ -224,6 +228,7 @@ class _Scene:
             [frame.pixels for frame in frames],
             [frame.camera for frame in frames],
             [frame.camera.matrix() for frame in frames],
+            [frame.camera.lens for frame in frames],
             [target.mesh for target in targets],
             sphere_diameters(target.mesh for target in targets),
             torch.tensor([t.depth_bias for t in targets]),
@@ -244,6 +249,7 @@ class _Scene:
                 self.images[i],
                 View(view.rotation[row], view.intrinsics[row], view.distance[row]),
                 self.intrinsics[i],
+                self.lenses[i],
             )
             for row, i in enumerate(chosen)
         ]
@@ -327,6 +333,19 @@ def check_start(pose: Pose, mesh: Mesh, camera: Camera) -> None:
         raise InputError(f"Start pose: {problem}.")
 
 
+def _pixel(x: float, y: float, depth: float, camera: Camera) -> tuple[float, float]:
+    """Where the camera sees a point; outside of the image what its lens does not show."""
+    lens = camera.lens
+    if lens is None:
+        u = camera.fx * x / depth + camera.skew * y / depth + camera.cx
+        return u, camera.fy * y / depth + camera.cy
+    point = np.array([[x, y, depth]])
+    if not lens.shows(point)[0]:
+        return math.inf, math.inf
+    u, v = lens.project(point, camera.matrix().numpy())[0]
+    return float(u), float(v)
+
+
 def out_of_sight(centre: Tensor, diameter: float, camera: Camera) -> str | None:
     """Why the camera cannot see a sphere with this centre (3,) and diameter, metres, if so."""
     x, y, depth = centre.tolist()
@@ -337,7 +356,7 @@ def out_of_sight(centre: Tensor, diameter: float, camera: Camera) -> str | None:
             f"the camera is inside the object (z = {depth:.3g} m, object {diameter:.3g} m across); "
             "check the unit of the mesh and of the pose"
         )
-    u, v = camera.fx * x / depth + camera.cx, camera.fy * y / depth + camera.cy
+    u, v = _pixel(x, y, depth, camera)
     reach = 0.5 * diameter * camera.fx / depth
     if not (-reach < u < camera.width + reach and -reach < v < camera.height + reach):
         size = f"{camera.width}×{camera.height}"

@@ -224,8 +224,10 @@ def _one(view: View, row: int) -> View:
 def _observe(frame: Frame, gbuffer: GBuffer, view: View, diameter: Tensor) -> Observation:
     """Crops at every seed of a batch beside the one rendering."""
     count = len(diameter)
-    matrix = frame.camera.matrix()
-    patches = torch.stack([crop_patch(frame.pixels, _one(view, k), matrix) for k in range(count)])
+    matrix, lens = frame.camera.matrix(), frame.camera.lens
+    patches = torch.stack(
+        [crop_patch(frame.pixels, _one(view, k), matrix, lens) for k in range(count)]
+    )
     shared = GBuffer(
         gbuffer.albedo.expand(count, -1, -1, -1),
         gbuffer.normal.expand(count, -1, -1, -1),

@@ -19,6 +19,7 @@ from ..geometry.pose import Pose
 from ..policies import Policy, load_policy
 from ..regions import colours_at
 from ..rendering.renderer import Renderer, make_renderer
+from ..threads import checked_threads, with_own_threads
 from .calibration import depth_bias
 from .frame import Frame, prepare_frame
 from .hypotheses import DOUBTFUL, Around, Track
@@ -44,6 +45,8 @@ class PoseTracker:
         max_steps: limit of cycles a frame; `MAX_STEPS` of the policy's mode if None.
         search: look around for an object whose pose is in doubt.
         regions: after the policy's moves, fit the outline to where the object's colours end.
+        threads: CPU threads of torch and OpenCV while it computes; the caller's if None. More than
+            one gain little and lose much beside other busy processes.
     """
 
     def __init__(
@@ -57,10 +60,12 @@ class PoseTracker:
         max_steps: int | None = None,
         search: bool = True,
         regions: bool = True,
+        threads: int | None = 1,
     ) -> None:
         self.meshes = [meshes] if isinstance(meshes, Mesh) else list(meshes)
         self.camera, self.max_steps = camera, max_steps
         self.search, self.regions = search, regions
+        self.threads = checked_threads(threads)
         self.tracks: list[Track] = []
         self.reset(start)
         self.policy: Policy = load_policy() if policy is None else policy
@@ -86,6 +91,7 @@ class PoseTracker:
             for mesh, pose in zip(self.meshes, given, strict=True)
         ]
 
+    @with_own_threads
     def learn(self, image: Any) -> None:
         """Learn what the objects look like from an image in which their present poses are exact.
 
@@ -97,10 +103,12 @@ class PoseTracker:
         for track in self.tracks:
             centred = track.mesh.inner(track.pose)
             track.colours = colours_at(
-                frame.pixels, frame.camera.matrix(), track.mesh, centred, self.renderer
+                frame.pixels, frame.camera.matrix(), track.mesh, centred, self.renderer,
+                frame.camera.lens,
             )
             track.depth_bias = depth_bias(frame, track.mesh, track.pose, self.policy, self.renderer)
 
+    @with_own_threads
     def update(self, image: Any) -> tuple[TrackingResult, ...]:
         """Results for the next frame, RGB (H, W, 3), one an object.
 
@@ -110,7 +118,11 @@ class PoseTracker:
         begin = time.perf_counter()
         try:
             frame = prepare_frame(image, self.camera)
-            results = self._refine(frame)
+            prepared = (time.perf_counter() - begin) * 1e3
+            results = [
+                replace(result, milliseconds=result.milliseconds + prepared)
+                for result in self._refine(frame)
+            ]
         except InputError as error:
             return (_failed(error, begin),) * len(self.meshes)
         return tuple(

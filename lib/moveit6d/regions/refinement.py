@@ -13,7 +13,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE, View, crop_patch, look_at, patch_to_image
+from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE, View, crop_patch, look_at, patch_pixels
+from ..geometry.lens import Lens
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..rendering.renderer import Renderer
@@ -101,14 +102,14 @@ class _Sight:
 
 def polish(
     image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: Renderer,
-    colours: Colours | None = None,
+    colours: Colours | None = None, lens: Lens | None = None,
 ) -> Polished:  # fmt: skip
-    """Fit the outline of a mesh near a centred pose to an image (3, H, W).
+    """Fit the outline of a mesh near a centred pose to an image (3, H, W) taken through `lens`.
 
     `colours` are what the object and its surroundings looked like before; without them those of
     this very image at the given pose must do.
     """
-    sight = _look(image, intrinsics, mesh, pose, renderer)
+    sight = _look(image, intrinsics, mesh, pose, renderer, lens)
     place = sight.place(pose)
     mask, depth = sight.render(place)
     known = colours or learn_colours(sight.patch, mask, sight.seen)
@@ -131,35 +132,35 @@ def polish(
 
 
 def colours_at(
-    image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: Renderer
-) -> Colours | None:
+    image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: Renderer,
+    lens: Lens | None = None,
+) -> Colours | None:  # fmt: skip
     """The colours that an image (3, H, W) shows of a mesh at a centred pose, and beside it.
 
     None if there is too little to see.
     """
-    sight = _look(image, intrinsics, mesh, pose, renderer)
+    sight = _look(image, intrinsics, mesh, pose, renderer, lens)
     return learn_colours(sight.patch, sight.render(sight.place(pose))[0], sight.seen)
 
 
-def _look(image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: Renderer) -> _Sight:
+def _look(
+    image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: Renderer,
+    lens: Lens | None,
+) -> _Sight:  # fmt: skip
     """Cut the patch out of the image."""
     view = look_at(pose, torch.tensor(mesh.sphere_diameter, dtype=torch.float64))
-    patch = crop_patch(image, view, intrinsics)
+    patch = crop_patch(image, view, intrinsics, lens)
     picture = (patch * 255).round().clamp(0, 255).to(torch.uint8).permute(1, 2, 0).numpy()
     return _Sight(
         mesh, renderer, view, np.ascontiguousarray(picture),
-        _seen(patch_to_image(view, intrinsics).numpy(), *image.shape[-2:]),
+        _seen(*patch_pixels(view, intrinsics, lens), *image.shape[-2:]),
     )  # fmt: skip
 
 
-def _seen(back: Numbers, height: int, width: int) -> NDArray[np.bool_]:
-    """Which pixels of the patch (H, W) lie in the image, to which `back` (3, 3) takes them."""
-    line = np.arange(PATCH_SIZE)
-    rows = back[:, 1, None] * line + back[:, 2, None]
-    x, y, z = rows[:, :, None] + (back[:, 0, None] * line)[:, None]
-    right, bottom = (width - 0.5) * z, (height - 0.5) * z
-    across, down = (x >= -0.5 * z) & (x <= right), (y >= -0.5 * z) & (y <= bottom)
-    seen: NDArray[np.bool_] = (z > 0) & across & down
+def _seen(u: Tensor, v: Tensor, height: int, width: int) -> NDArray[np.bool_]:
+    """Which pixels of the patch (H, W) lie in the image, at u and v there."""
+    across, down = (u >= -0.5) & (u <= width - 0.5), (v >= -0.5) & (v <= height - 0.5)
+    seen: NDArray[np.bool_] = (across & down).numpy()
     return seen
 
 

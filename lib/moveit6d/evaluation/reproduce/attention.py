@@ -58,7 +58,7 @@ def patches(videos: Sequence[Video], frames: int, renderer: Renderer) -> list[Pa
             )
             view = look_at(start, diameter)
             one = look_at(start[0], diameter[0])
-            patch = crop_patch(picture.pixels, one, picture.camera.matrix())
+            patch = crop_patch(picture.pixels, one, picture.camera.matrix(), picture.camera.lens)
             gbuffer = renderer.render([mesh], view.to_virtual(start), view.intrinsics)
             seen = observe(patch[None], gbuffer, view, diameter)
             situation = Situation(start, diameter, torch.zeros(1, dtype=torch.int64))
