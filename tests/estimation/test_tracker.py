@@ -186,7 +186,7 @@ def test_lens_distortion_is_undone_first(brick: Mesh) -> None:
 
 
 def test_each_object_needs_its_start(brick: Mesh) -> None:
-    with pytest.raises(InputError, match="2 meshes but 1 start"):
+    with pytest.raises(InputError, match="2 meshes need"):
         PoseTracker([brick, brick], CAMERA, [at(0.0)], policy=OraclePolicy(Pose.stack([at(0.0)])))
 
 
@@ -202,7 +202,7 @@ def test_a_reset_starts_the_next_frame_from_the_given_pose(brick: Mesh) -> None:
 
 def test_a_reset_to_a_pose_out_of_sight_changes_nothing(brick: Mesh) -> None:
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=OraclePolicy(Pose.stack([at(0.0)])))
-    for poses, message in ((at(5.0), "outside"), ([at(0.0), at(0.0)], "1 meshes but 2 start")):
+    for poses, message in ((at(5.0), "outside"), ([at(0.0), at(0.0)], "1 meshes need")):
         with pytest.raises(InputError, match=message):
             tracker.reset(poses)
         torch.testing.assert_close(tracker.poses[0].matrix(), at(0.0).matrix())

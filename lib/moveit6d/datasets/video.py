@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from .image_depth import deep_rgb, is_deep, to_rgb8
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
 # A camera that gives nothing this many times in a row is taken to be gone.
@@ -73,19 +74,21 @@ def open_frames(source: str | Path | int) -> FrameSource:
 
 
 def read_image(path: Path) -> Image:
-    """One image as RGB (H, W, 3); grey becomes RGB, 16 bits become 8. `InputError` if damaged."""
+    """One image as RGB (H, W, 3); grey becomes RGB, other depths 8 bits (`image_depth`).
+
+    `InputError` if it is damaged or its numbers cannot be read.
+    """
     from PIL import Image as Pillow
     from PIL import ImageOps
 
     try:
         with Pillow.open(path) as opened:
-            picture = ImageOps.exif_transpose(opened)
-            if picture.mode.startswith("I"):  # 16-bit grey
-                grey = np.asarray(picture).astype(np.float64) / 257
-                return np.repeat(grey.clip(0, 255).astype(np.uint8)[..., None], 3, -1)
-            return np.array(picture.convert("RGB"))
+            deep = is_deep(opened)
+            return deep_rgb(path) if deep else to_rgb8(ImageOps.exif_transpose(opened), path)
     except FileNotFoundError:
         raise InputError(f"{path} does not exist.") from None
+    except InputError:
+        raise
     except (OSError, ValueError, SyntaxError, Pillow.DecompressionBombError) as error:
         raise InputError(f"{path} is not a readable image: {error}.") from error
 

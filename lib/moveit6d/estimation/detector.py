@@ -24,6 +24,7 @@ from ..policies import MoveMode, Policy, load_policy
 from ..rendering.renderer import Renderer, make_renderer
 from ..threads import checked_threads, with_own_threads
 from .frame import Frame, prepare_frame
+from .inputs import camera_of, meshes_of
 from .loop import MAX_STEPS, StopReason, Target, TrackingResult, out_of_sight, refine_batch
 from .seeding import SeedField, Sink, find_sinks, seed_field, seed_poses
 
@@ -134,7 +135,7 @@ class PoseDetector:
     ) -> None:
         if judge not in list(Judge):
             raise InputError(f"There is no judge {judge!r}; choose one of {', '.join(Judge)}.")
-        self.mesh, self.camera, self.max_steps = mesh, camera, max_steps
+        self.mesh, self.camera, self.max_steps = meshes_of([mesh])[0], camera_of(camera), max_steps
         self.threads = checked_threads(threads)
         self.judge, self.search = Judge(judge), search or SearchConfig()
         if max_steps is None and self.judge is Judge.STEPS:

@@ -16,6 +16,7 @@ from ..policies import MoveMode, Policy, TurnedPolicy, load_policy
 from ..rendering.renderer import Renderer, make_renderer
 from ..threads import checked_threads, with_own_threads
 from .frame import prepare_frame
+from .inputs import camera_of, meshes_of, pose_of
 from .last_word import last_word
 from .loop import Target, TrackingResult, refine_batch
 from .search import refine_or_search
@@ -48,7 +49,7 @@ class PoseEstimator:
         regions: bool = True,
         threads: int | None = 1,
     ) -> None:
-        self.mesh, self.camera, self.max_steps = mesh, camera, max_steps
+        self.mesh, self.camera, self.max_steps = meshes_of([mesh])[0], camera_of(camera), max_steps
         self.search, self.regions = search, regions
         self.threads = checked_threads(threads)
         self.policy: Policy = load_policy() if policy is None else policy
@@ -60,7 +61,7 @@ class PoseEstimator:
 
         Raises `InputError` if the image does not fit the camera or the pose is out of sight.
         """
-        target = Target(prepare_frame(image, self.camera), self.camera, self.mesh, pose)
+        target = Target(prepare_frame(image, self.camera), self.camera, self.mesh, pose_of(pose))
         return refine_single(
             [target], policy=self.policy, renderer=self.renderer, max_steps=self.max_steps,
             search=self.search, regions=self.regions,

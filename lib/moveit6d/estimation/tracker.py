@@ -23,6 +23,7 @@ from ..threads import checked_threads, with_own_threads
 from .calibration import depth_bias
 from .frame import Frame, prepare_frame
 from .hypotheses import DOUBTFUL, Around, Track
+from .inputs import camera_of, meshes_of, poses_of
 from .last_word import last_word
 from .loop import StopReason, Target, TrackingResult, check_start, out_of_sight, refine_batch
 from .search import places, searches, surest
@@ -62,8 +63,8 @@ class PoseTracker:
         regions: bool = True,
         threads: int | None = 1,
     ) -> None:
-        self.meshes = [meshes] if isinstance(meshes, Mesh) else list(meshes)
-        self.camera, self.max_steps = camera, max_steps
+        self.meshes = meshes_of(meshes)
+        self.camera, self.max_steps = camera_of(camera), max_steps
         self.search, self.regions = search, regions
         self.threads = checked_threads(threads)
         self.tracks: list[Track] = []
@@ -81,9 +82,11 @@ class PoseTracker:
 
         `InputError`, and nothing changed, if a pose is missing or cannot be seen by the camera.
         """
-        given = [poses] if isinstance(poses, Pose) else list(poses)
+        given = poses_of(poses)
         if len(self.meshes) != len(given):
-            raise InputError(f"{len(self.meshes)} meshes but {len(given)} start poses.")
+            raise InputError(
+                f"{len(self.meshes)} meshes need as many start poses, found {len(given)}."
+            )
         for mesh, pose in zip(self.meshes, given, strict=True):
             check_start(pose, mesh, self.camera)
         self.tracks = [

@@ -75,7 +75,7 @@ def camera_of(content: Mapping[str, Any]) -> Camera:
     distortion, fisheye = _distortion(found, model)
     return Camera(
         k[0][0], k[1][1], k[0][2], k[1][2], width, height,
-        distortion and tuple(distortion), "fisheye" if fisheye else "opencv", k[0][1],
+        tuple(distortion) if distortion else None, "fisheye" if fisheye else "opencv", k[0][1],
     )  # fmt: skip
 
 
@@ -299,11 +299,12 @@ def _numbers(value: Any, what: str) -> list[float]:
             raise InputError(f"{what} has no data, only {', '.join(map(str, value))}.")
         numbers = _numbers(value["data"], what)
         rows, columns = value.get("rows"), value.get("cols")
-        if isinstance(rows, int | float) and isinstance(columns, int | float):
-            if rows * columns != len(numbers):
-                raise InputError(
-                    f"{what} has {len(numbers)} numbers, its rows and cols say {rows} × {columns}."
-                )
+        if None not in (rows, columns) and _one(rows, "rows") * _one(columns, "cols") != len(
+            numbers
+        ):
+            raise InputError(
+                f"{what} has {len(numbers)} numbers, its rows and cols say {rows} × {columns}."
+            )
         return numbers
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):
         if len(value) > 64:

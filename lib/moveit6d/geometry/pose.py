@@ -32,6 +32,9 @@ class Pose:
     translation: Tensor
 
     def __post_init__(self) -> None:
+        for name in ("rotation", "translation"):
+            if not isinstance(getattr(self, name), Tensor):
+                object.__setattr__(self, name, _numbers(getattr(self, name), "Pose", name))
         shape = self.translation.shape[:-1]
         if self.rotation.shape != (*shape, 3, 3) or self.translation.shape[-1:] != (3,):
             raise InputError(
@@ -46,9 +49,22 @@ class Pose:
         return Pose(rotation, torch.zeros(*batch, 3, dtype=dtype))
 
     @staticmethod
-    def from_matrix(matrix: Tensor) -> Pose:
-        """From homogeneous matrices (..., 4, 4)."""
-        return Pose(matrix[..., :3, :3], matrix[..., :3, 3])
+    def from_matrix(matrix: Any) -> Pose:
+        """From homogeneous matrices (..., 4, 4).
+
+        A tensor is taken as it is, so that gradients flow; an array or nested lists are checked as
+        `checked` does, and become float64.
+        """
+        if isinstance(matrix, Tensor):
+            return Pose(matrix[..., :3, :3], matrix[..., :3, 3])
+        numbers = _numbers(matrix, "Pose.from_matrix", "matrix")
+        if numbers.shape[-2:] != (4, 4):
+            raise InputError(f"Pose.from_matrix: found shape {tuple(numbers.shape)}, not 4×4.")
+        if (numbers[..., 3, :] - numbers.new_tensor([0.0, 0.0, 0.0, 1.0])).abs().max() > 1e-6:
+            raise InputError(
+                "Pose.from_matrix: the last row must be 0, 0, 0, 1; is the matrix transposed?"
+            )
+        return Pose.checked(numbers[..., :3, :3], numbers[..., :3, 3], "Pose.from_matrix")
 
     @staticmethod
     def stack(poses: Sequence[Pose]) -> Pose:
@@ -62,13 +78,16 @@ class Pose:
     def checked(rotation: Any, translation: Any, where: str = "pose") -> Pose:
         """A float64 pose from any numbers, or an `InputError` that names `where` they came from.
 
-        `rotation` is (..., 3, 3) or flat (..., 9) row-major. Rotations that are slightly off (as
+        `rotation` is (..., 3, 3) or flat (..., 9) row-major, `translation` (..., 3) or the column
+        (..., 3, 1) that OpenCV gives. Rotations that are slightly off (as
         published ones sometimes are) are projected onto SO(3); singular, left-handed, scaled or
         non-finite ones are refused.
         """
         r, t = _numbers(rotation, where, "rotation"), _numbers(translation, where, "translation")
         if r.shape[-2:] != (3, 3) and r.shape[-1:] == (9,):
             r = r.reshape(*r.shape[:-1], 3, 3)
+        if t.shape == (*r.shape[:-2], 3, 1):
+            t = t[..., 0]
         if r.shape[-2:] != (3, 3) or t.shape != (*r.shape[:-2], 3):
             raise InputError(
                 f"{where}: the rotation must be 3×3 and the translation 3 numbers, "
