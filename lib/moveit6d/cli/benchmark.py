@@ -17,10 +17,10 @@ from .common import (
     add_tracking_options,
     add_verb,
     positive,
-    progress,
     set_up,
     use_threads,
 )
+from .messages import progress
 
 DESCRIPTION = """\
   moveit6d benchmark tracking   tracks whole sequences, beside rivals' results

@@ -17,13 +17,12 @@ from .common import (
     add_verb,
     complaining,
     new_folder,
-    note,
     positive,
-    progress,
     set_up,
     versions,
     weights_facts,
 )
+from .messages import note, progress
 from .reproduce_pages import DESCRIPTION, EPILOG, KINDS
 
 if TYPE_CHECKING:

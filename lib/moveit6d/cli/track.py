@@ -19,11 +19,11 @@ from .common import (
     complaining,
     given,
     new_folder,
-    progress,
     set_up,
     versions,
     weights_facts,
 )
+from .messages import progress
 from .reporting import check_report, reporting, rerun_log
 
 if TYPE_CHECKING:

@@ -67,6 +67,8 @@ VARIANTS = ("inverse_brown_conrady", "modified_brown_conrady")
 def camera_of(content: Mapping[str, Any]) -> Camera:
     """The camera of a file's named values; `InputError` names the value that cannot be used."""
     content = _unwrapped(content)
+    if not any(_plain(name) in _MEANINGS for name in content):
+        _complete({})  # another file's: nothing in it is a camera's
     found = _sorted_out(content)
     _complete(found)
     width, height = _size(found)
