@@ -201,8 +201,9 @@ def _span(pixels: Tensor, size: int, factor: int) -> tuple[int, int]:
     """First pixel and end of the whole blocks that hold these places, within `size` pixels."""
     low, high = (float(end) for end in torch.aminmax(pixels.clamp(-1, size)))
     # A block more on either side: bilinear sampling reaches beyond the outermost places.
-    start = min(max(math.floor(low) - factor, 0), max(size - factor, 0))
-    end = max(min(math.ceil(high) + factor + 1, size), start + 1)
+    # And two at least: kornia counts from the first pixel to the last.
+    start = min(max(math.floor(low) - factor, 0), max(size - 2 * factor, 0))
+    end = min(max(math.ceil(high) + factor + 1, start + 2 * factor), size)
     return start, start + _whole(end - start, factor)
 
 
