@@ -12,9 +12,10 @@ and slanted. It is here to be compared with (METHOD 9, docs/training.md).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import Literal
+from typing import Any, Literal
 
 import torch
 from kornia.geometry.transform import remap
@@ -133,23 +134,28 @@ def crop_patch(image: Tensor, view: View, intrinsics: Tensor, lens: Lens | None 
     over blocks of whole pixels first. `view` and `intrinsics` are unbatched. With a `lens` the
     patch shows what a pinhole would have seen: the image itself need not be undistorted.
     """
-    u, v = patch_pixels(view, intrinsics, lens)
+    back = patch_to_image(view, intrinsics)
     finer = float(intrinsics[0, 0] / view.intrinsics[0, 0])  # image pixels a patch pixel
     factor = max(1, min(int(1.2 * finer), *image.shape[-2:]))
-    window, (left, top) = _window(image, u, v, factor)
+    pixels = None if lens is None else patch_pixels(view, intrinsics, lens)
+    seen = _extent(back) if pixels is None else [plane.aminmax() for plane in pixels]
+    window, (left, top) = _window(image, seen, factor)
     scale = 1.0 if window.is_floating_point() else 1 / 255
     window = window.to(torch.float32)
     if factor > 1:
         # Sums of slices: ten times faster here than torch's pooling.
         window = reduce(torch.add, [window[..., k::factor, :] for k in range(factor)])
         window = reduce(torch.add, [window[..., k::factor] for k in range(factor)])
+    window = (window * (scale / factor**2))[None]
     # Half-pixel rule: the first block's centre is (factor − 1) / 2 pixels into the window.
-    middle = (factor - 1) / 2
-    u, v = (u - (left + middle)) / factor, (v - (top + middle)) / factor
-    patch: Tensor = remap(
-        (window * (scale / factor**2))[None], u[None].float(), v[None].float(), align_corners=True
-    )
-    return patch[0]
+    offset = back.new_tensor([left + (factor - 1) / 2, top + (factor - 1) / 2])
+    if pixels is not None:
+        u, v = ((plane - start) / factor for plane, start in zip(pixels, offset, strict=True))
+        patch: Tensor = remap(window, u[None].float(), v[None].float(), align_corners=True)
+        return patch[0]
+    moved = back.clone()
+    moved[:2] = (back[:2] - offset[:, None] * back[2]) / factor
+    return _sample(window, moved[None])[0]
 
 
 def patch_pixels(view: View, intrinsics: Tensor, lens: Lens | None = None) -> tuple[Tensor, Tensor]:
@@ -186,22 +192,37 @@ def _back(back: Tensor) -> tuple[Tensor, ...]:
     return (rows[..., None] + columns[:, :, None]).unbind(1)  # (B, 128, 128) each
 
 
-def _window(image: Tensor, u: Tensor, v: Tensor, factor: int) -> tuple[Tensor, tuple[int, int]]:
-    """The part of the image that a patch with these pixels sees, and its corner (left, top).
+def _extent(back: Tensor) -> list[tuple[float, float]]:
+    """Lowest and highest u and v of the image that a patch sees; all of it behind the camera."""
+    edge = float(PATCH_SIZE)
+    seen = [[a * x + b * y + c for x in (-1.0, edge) for y in (-1.0, edge)] for a, b, c in
+            back.tolist()]  # fmt: skip
+    if min(seen[2]) <= 0:
+        return [(-math.inf, math.inf)] * 2
+    places = [[x / z for x, z in zip(line, seen[2], strict=True)] for line in seen[:2]]
+    return [(min(line), max(line)) for line in places]
 
-    At least one pixel, and in whole blocks of `factor` pixels where the image is large enough.
+
+def _window(
+    image: Tensor, seen: Sequence[tuple[Any, Any]], factor: int
+) -> tuple[Tensor, tuple[int, int]]:
+    """The part of the image between the lowest and highest u and v, and its corner (left, top).
+
+    In whole blocks of `factor` pixels where the image is large enough.
     """
     height, width = image.shape[-2:]
-    left, right = _span(u, width, factor)
-    top, bottom = _span(v, height, factor)
+    left, right = _span(*seen[0], width, factor)
+    top, bottom = _span(*seen[1], height, factor)
     return image[..., top:bottom, left:right], (left, top)
 
 
-def _span(pixels: Tensor, size: int, factor: int) -> tuple[int, int]:
-    """First pixel and end of the whole blocks that hold these places, within `size` pixels."""
-    low, high = (float(end) for end in torch.aminmax(pixels.clamp(-1, size)))
-    # A block more on either side: bilinear sampling reaches beyond the outermost places.
-    # And two at least: kornia counts from the first pixel to the last.
+def _span(low: Any, high: Any, size: int, factor: int) -> tuple[int, int]:
+    """First pixel and end of the whole blocks between `low` and `high` within `size` pixels.
+
+    A block more on either side, since bilinear sampling reaches beyond the outermost places; and
+    two at least, since kornia counts from the first pixel to the last.
+    """
+    low, high = (min(max(float(end), -1.0), float(size)) for end in (low, high))
     start = min(max(math.floor(low) - factor, 0), max(size - 2 * factor, 0))
     end = min(max(math.ceil(high) + factor + 1, start + 2 * factor), size)
     return start, start + _whole(end - start, factor)
