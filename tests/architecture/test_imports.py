@@ -17,6 +17,7 @@ FLOORS = (
     ("errors",),
     ("threads",),
     ("geometry",),
+    ("camera_calibration",),
     ("actions",),
     ("rendering",),
     ("observation",),

@@ -14,6 +14,7 @@ from .. import __version__
 from ..errors import InputError, RenderingUnavailable
 from . import (
     benchmark,
+    calibrate,
     contact_sheet,
     demo,
     detect,
@@ -63,8 +64,8 @@ def make_parser() -> Parser:
     parser.add_argument("--version", action="version", version=f"moveit6d {__version__}")
     verbs = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
     shown = (
-        track, refine, detect, evaluate, benchmark, reproduce, synthesize, fit, contact_sheet,
-        write_pairs, demo, doctor,
+        track, refine, detect, calibrate, evaluate, benchmark, reproduce, synthesize, fit,
+        contact_sheet, write_pairs, demo, doctor,
     )  # fmt: skip
     for verb in shown:
         verb.add_parser(verbs)

@@ -123,6 +123,11 @@ def read_camera(path: Path) -> Camera:
 
 def write_camera(path: Path, camera: Camera) -> None:
     """Write a camera.json that `read_camera` reads back exactly."""
+    write_json(path, camera_content(camera))
+
+
+def camera_content(camera: Camera) -> dict[str, Any]:
+    """What a camera.json holds of a camera."""
     content: dict[str, Any] = {
         key: getattr(camera, key) for key in ("fx", "fy", "cx", "cy", "width", "height")
     }
@@ -132,7 +137,7 @@ def write_camera(path: Path, camera: Camera) -> None:
         content["distortion_model"] = camera.distortion_model
     if camera.skew:
         content["skew"] = camera.skew
-    write_json(path, content)
+    return content
 
 
 def read_pose(path: Path) -> Pose:
