@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from moveit6d import InputError, Mesh, PoseTracker
-from moveit6d.datasets.files import read_camera, read_pose
+from moveit6d.datasets.pose_files import read_camera, read_pose
 from moveit6d.datasets.video import open_frames
 
 
@@ -36,7 +36,8 @@ def track(mesh_file: Path, video: Path, camera_file: Path, start_file: Path) -> 
             continue
         x, y, z = result.pose.translation.tolist()
         print(
-            f"frame {frame.index}: x {x:+.3f}  y {y:+.3f}  z {z:.3f} m, {result.steps} steps, "
+            f"frame {frame.index}: x {x:+.3f}  y {y:+.3f}  z {z:.3f} m, {result.iterations} "
+            "iterations, "
             f"confidence {result.confidence:.2f}, {result.milliseconds:.0f} ms"
         )
 
@@ -47,12 +48,12 @@ def main(files: list[str], frames: int = 30) -> None:
         mesh, video, camera, start = map(Path, files)
         track(mesh, video, camera, start)
         return
-    from moveit6d.synthesis.demo_object import demo_object
-    from moveit6d.synthesis.sequence import write_sequence
+    from moveit6d.synthesis.objects.demo_object import demo_object
+    from moveit6d.synthesis.sequences.sequence import write_sequence
 
     with TemporaryDirectory() as place:
         clip = Path(place) / "clip"
-        write_sequence(clip, mesh=demo_object(), seed=1, frames=frames, level="easy")
+        write_sequence(clip, mesh=demo_object(), seed=1, frames=frames, difficulty="easy")
         names = ("mesh.glb", "frames", "camera.json", "start.json")
         track(*(clip / name for name in names))
 

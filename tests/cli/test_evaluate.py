@@ -12,7 +12,7 @@ import torch
 from moveit6d.cli.main import main
 from moveit6d.datasets.bop import Estimate, Instance, write_results
 from moveit6d.datasets.bop_writer import BopImage, write_bop
-from moveit6d.evaluation.keyframes import Keyframes, write_keyframe_poses
+from moveit6d.evaluation.ycbv.keyframes import Keyframes, write_keyframe_poses
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -59,8 +59,14 @@ def test_keyframe_poses_of_one_method(tmp_path: Path, capsys: Any) -> None:
     write_keyframe_poses(tmp_path / "poses.npz", keyframes)
     points = torch.tensor([[0.0, 0, 0], [0.01, 0, 0]]).numpy()
     np.savez(tmp_path / "points.npz", **{"01": points, "02": points})
-    command = ["evaluate", "ycbv", "--poses", str(tmp_path / "poses.npz"),
-               "--points", str(tmp_path / "points.npz")]  # fmt: skip
+    command = [
+        "evaluate",
+        "ycbv",
+        "--poses",
+        str(tmp_path / "poses.npz"),
+        "--points",
+        str(tmp_path / "points.npz"),
+    ]
     assert main([*command, "--methods", "a", "--form", "exact", "--per_object"]) == 0
     rows = cells(capsys.readouterr().out)
     # Errors 0, 5 cm, 5 cm, 40 cm; areas of the objects 0.75 and 0.25.

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 
-from moveit6d.datasets.files import PoseRow, read_poses, write_pose, write_poses
+from moveit6d.datasets.pose_files import PoseRow, read_poses, write_pose, write_poses
 from moveit6d.datasets.sequences import Sequence, read_sequence, read_sequences
 from moveit6d.datasets.video import open_frames
 from moveit6d.errors import InputError
@@ -67,8 +67,15 @@ def test_a_hole_is_not_truth(make_sequence: Make) -> None:
 
 def test_several_objects_are_several_sequences(make_sequence: Make) -> None:
     made = make_sequence("table")
-    columns = ("frame", "image", "object", *(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)),
-               "tx", "ty", "tz")  # fmt: skip
+    columns = (
+        "frame",
+        "image",
+        "object",
+        *(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)),
+        "tx",
+        "ty",
+        "tz",
+    )
     rows = [
         PoseRow(r.frame, r.image, r.pose, object=name)
         for r in read_poses(made.folder / "poses.csv")

@@ -27,8 +27,8 @@ from .messages import note, progress
 
 if TYPE_CHECKING:
     from ..datasets.sequences import Sequence
-    from ..evaluation.jobs import Outcome
-    from ..evaluation.tracking import Score
+    from ..evaluation.track_scores import Score
+    from ..parallel import JobResult
     from ..policies import Policy
     from ..rendering.renderer import Renderer
     from .sequence_job import SequenceJob, Tracked
@@ -73,8 +73,9 @@ examples:
 
 def add_kind(kinds: Any) -> None:
     """Add the kind to `moveit6d benchmark`."""
-    parser = add_verb(kinds, "tracking", "track whole sequences beside rivals", DESCRIPTION,
-                      EXAMPLES)  # fmt: skip
+    parser = add_verb(
+        kinds, "tracking", "track whole sequences beside rivals", DESCRIPTION, EXAMPLES
+    )
     parser.add_argument("--sequences", type=Path, required=True, metavar="DIR", help="data set")
     parser.add_argument("--format", choices=DATASET_FORMATS, help="if it is not recognised")
     parser.add_argument("--rivals", type=Path, metavar="DIR", help="a folder of CSV files a rival")
@@ -97,9 +98,9 @@ def add_kind(kinds: Any) -> None:
     add_tracking_options(parser)
     add_beyond_paper_options(parser)
     parser.add_argument(
-        "--no_learning",
+        "--no_calibration",
         action="store_true",
-        help="learn nothing from the first frame, whose pose is given",
+        help="no calibration from the first frame, whose pose is given",
     )
     parser.set_defaults(run=run)
 
@@ -162,12 +163,12 @@ def rivals(folder: Path | None, sequences: list[Sequence]) -> dict[str, dict[str
 
 def make_job(sequence: Sequence, args: argparse.Namespace) -> SequenceJob:
     """The task for one sequence."""
-    from ..datasets.catalog import stand_in
+    from ..datasets.catalog import surrogate
     from ..evaluation.protocols import PROTOCOLS as known
     from .sequence_job import SequenceJob
 
     facts = {
-        "data": " ".join(filter(None, [str(args.sequences), stand_in(args.sequences)])),
+        "data": " ".join(filter(None, [str(args.sequences), surrogate(args.sequences)])),
         "protocol": args.protocol,
         **{name: str(value) for name, value in weights_facts(args.weights).items()},
         "moveit6d": versions()["moveit6d"],
@@ -207,19 +208,19 @@ class Bench:
                 self._unmark(job)
             else:
                 self._finish(job, rows)
-        for outcome in self._outcomes(waiting):
-            job = waiting[outcome.index]
-            if outcome.result is not None:
-                self._finish(job, outcome.result)
+        for job_result in self._job_results(waiting):
+            job = waiting[job_result.index]
+            if job_result.result is not None:
+                self._finish(job, job_result.result)
                 continue
             if len(self.jobs) == 1:
-                raise InputError(str(outcome.error))
-            self.errors[job.sequence.name] = str(outcome.error)
-            note(f"{job.sequence.name}: {outcome.error}")
+                raise InputError(str(job_result.error))
+            self.errors[job.sequence.name] = str(job_result.error)
+            note(f"{job.sequence.name}: {job_result.error}")
 
     def show(self, trackers: dict[str, dict[str, Score]]) -> None:
         """Print the tables, and write the page that leads to the others."""
-        from ..evaluation.tracking import comparison_table, tracking_table
+        from ..evaluation.track_scores import comparison_table, tracking_table
 
         names = [job.sequence.name for job in self.jobs]
         ours = {name: self.scores[name] for name in names if name in self.scores}
@@ -233,8 +234,8 @@ class Bench:
         if self.args.report is not None:
             self._index("\n\n".join(tables), ours)
 
-    def _outcomes(self, jobs: list[SequenceJob]) -> Iterator[Outcome[Tracked]]:
-        from ..evaluation.jobs import run_jobs
+    def _job_results(self, jobs: list[SequenceJob]) -> Iterator[JobResult[Tracked]]:
+        from ..parallel import run_jobs
         from . import sequence_job
 
         if self.args.ray is None and self.args.jobs == 1:
@@ -251,8 +252,9 @@ class Bench:
 
     def _finish(self, job: SequenceJob, found: Tracked) -> None:
         """Score a track and write what is kept of it, last the mark that it is whole."""
-        from ..datasets.files import replacing, write_json, write_poses
+        from ..datasets.pose_files import write_poses
         from ..evaluation.benchmark import OWN_COLUMNS, score_track
+        from ..io import replacing, write_json
 
         name = job.sequence.name
         score = score_track(job.sequence, found.rows, job.count_resets)
@@ -275,8 +277,8 @@ class Bench:
 
     def _kept(self, job: SequenceJob) -> Tracked | None:
         """The track that --output holds already, if it is whole and was made the same way."""
-        from ..datasets.files import read_json
-        from ..evaluation.tracking import read_track
+        from ..evaluation.track_scores import read_track
+        from ..io import read_json
         from .reporting import Gathered
         from .sequence_job import Tracked, page_of
 
@@ -301,11 +303,11 @@ class Bench:
         return {
             **weights_facts(self.args.weights),
             "renderer": job.setting.renderer,
-            "max_steps": job.setting.max_steps,
-            "search": job.setting.search,
-            "regions": job.setting.regions,
+            "max_iterations": job.setting.max_iterations,
+            "multi_start": job.setting.multi_start,
+            "contour": job.setting.contour,
             "single_actions": job.setting.single_actions,
-            "learning": job.setting.learning,
+            "calibration": job.setting.calibration,
             "compute": job.setting.compute,
             "protocol": job.protocol.name,
             "first": job.sequence.first,
@@ -320,21 +322,24 @@ class Bench:
         """The page that leads to those of the sequences, the worst first."""
         from urllib.parse import quote
 
-        from ..datasets.files import replacing
         from ..evaluation.tables import percent
+        from ..io import replacing
         from ..visualization.report import index_page
 
         order = sorted(ours, key=lambda name: (ours[name].below_10, -ours[name].mean_add))
         head = ["sequence", "level", "frames", "ADD<10%d", "mean ADD mm", "lost at", "no pose"]
         rows = [
             [
-                (name, f"{quote(name)}.html"), self.levels[name], str(ours[name].frames),
-                percent(ours[name].below_10), f"{1000 * ours[name].mean_add:.1f}",
+                (name, f"{quote(name)}.html"),
+                self.levels[name],
+                str(ours[name].frames),
+                percent(ours[name].below_10),
+                f"{1000 * ours[name].mean_add:.1f}",
                 "never" if ours[name].never_lost else str(ours[name].until_lost),
                 str(ours[name].missing),
             ]
             for name in order
-        ]  # fmt: skip
+        ]
         table = {"heading": "Sequences, the worst first", "head": head, "rows": rows}
         facts = self.jobs[0].facts
         verdict = f"{len(ours)} sequences of {facts['data']}, protocol {facts['protocol']}"

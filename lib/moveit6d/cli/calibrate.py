@@ -150,7 +150,8 @@ def _spread(frames: FrameSource) -> Iterator[Frame]:
 
 def _write(path: Path, found: Calibration) -> None:
     """The camera file, with what the calibration says of itself."""
-    from ..datasets.files import camera_content, write_json
+    from ..datasets.pose_files import camera_content
+    from ..io import write_json
 
     facts = {"reprojection_error": found.error, "images": found.views}
     write_json(path, {**camera_content(found.camera), **facts})
@@ -160,7 +161,7 @@ def print_board(board: Board, path: Path) -> None:
     """The board on an A4 page, upright or lying as it fills more of it."""
     from PIL import Image, ImageDraw, ImageFont
 
-    from ..datasets.files import replacing
+    from ..io import replacing
 
     if path.suffix.lower() not in (".png", ".pdf"):
         raise InputError(f"{path}: boards are written as .png or .pdf.")

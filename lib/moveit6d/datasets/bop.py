@@ -24,7 +24,7 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.symmetry import Symmetries
-from .files import read_json, read_json_list, replacing
+from ..io import read_json, read_json_list, replacing
 from .video import Image, read_image
 
 RESULT_HEADER = ("scene_id", "im_id", "obj_id", "score", "R", "t", "time")
@@ -178,11 +178,13 @@ class BopDataset:
         try:
             return [
                 BopTarget(
-                    int(entry["scene_id"]), int(entry["im_id"]),
-                    entry.get("obj_id"), entry.get("inst_count"),
+                    int(entry["scene_id"]),
+                    int(entry["im_id"]),
+                    entry.get("obj_id"),
+                    entry.get("inst_count"),
                 )
                 for entry in read_json_list(path)
-            ]  # fmt: skip
+            ]
         except (KeyError, TypeError) as error:
             raise InputError(f"{path}: a target needs scene_id and im_id ({error}).") from None
 

@@ -13,10 +13,10 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from ..errors import InputError
+from ..typing import Float32, Float64, Mask
 
 DistortionModel = Literal["opencv", "fisheye"]
 # How many coefficients OpenCV's two models have.
@@ -24,9 +24,6 @@ COUNTS: dict[str, tuple[int, ...]] = {"opencv": (4, 5, 8, 12, 14), "fisheye": (4
 ORDER = "k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]"
 LARGEST = 1e6  # no lens has such a coefficient; beyond it the polynomials overflow
 _FAR = 1e6  # pixels: outside of every image, and exact in OpenCV's arithmetic
-
-Numbers = NDArray[np.float64]
-Map = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -61,7 +58,7 @@ class Lens:
         turns = np.flatnonzero(np.diff(shown) <= 0)
         return float(tangent[turns[0]]) if len(turns) else math.inf
 
-    def project(self, points: Numbers, matrix: Numbers) -> Numbers:
+    def project(self, points: Float64, matrix: Float64) -> Float64:
         """Pixels (N, 2) of points (N, 3) in the camera's frame, z > 0, for K (3, 3)."""
         import cv2
 
@@ -77,11 +74,11 @@ class Lens:
         pixels[:, 0] += _skewed(pixels[:, 1], matrix)
         return np.asarray(pixels, np.float64)
 
-    def shows(self, points: Numbers) -> NDArray[np.bool_]:
+    def shows(self, points: Float64) -> Mask:
         """Which of the points (N, 3) lie in front of the camera and within `reach`."""
         z = points[:, 2]
         aside = np.hypot(points[:, 0], points[:, 1])
-        inside: NDArray[np.bool_] = (z > 0) & (aside < self.reach * z)
+        inside: Mask = (z > 0) & (aside < self.reach * z)
         return inside
 
     def distort(self, plane: Tensor) -> Tensor:
@@ -103,8 +100,8 @@ class Lens:
         return found
 
     def patch_map(
-        self, rotation: Numbers, virtual: Numbers, matrix: Numbers, size: int
-    ) -> tuple[Map, Map]:
+        self, rotation: Float64, virtual: Float64, matrix: Float64, size: int
+    ) -> tuple[Float32, Float32]:
         """Where each pixel of a virtual pinhole's picture, size × size, lies in the image.
 
         `rotation` (3, 3) turns the camera's frame to the virtual camera's, `virtual` and `matrix`
@@ -123,13 +120,13 @@ class Lens:
             u, v = np.where(shown, u, np.float32(-_FAR)), np.where(shown, v, np.float32(-_FAR))
         return u, v
 
-    def undistortion_maps(self, matrix: Numbers, width: int, height: int) -> tuple[Any, Any]:
+    def undistortion_maps(self, matrix: Float64, width: int, height: int) -> tuple[Any, Any]:
         """OpenCV's fixed-point maps from the pinhole image to the real one, kept for next time."""
         entries = tuple(float(value) for value in matrix.reshape(9))
         return _kept_maps(self, entries, width, height)
 
     def _rectify(
-        self, rotation: Numbers, virtual: Numbers, matrix: Numbers, size: tuple[int, int], kind: int
+        self, rotation: Float64, virtual: Float64, matrix: Float64, size: tuple[int, int], kind: int
     ) -> tuple[Any, Any]:
         import cv2
 
@@ -176,12 +173,12 @@ def _float_maps() -> int:
     return int(cv2.CV_32FC1)
 
 
-def _polynomial(square: Numbers, coefficients: tuple[float, ...]) -> Numbers:
+def _polynomial(square: Float64, coefficients: tuple[float, ...]) -> Float64:
     """1 + c1·s + c2·s² + …"""
     powers = np.polynomial.polynomial.polyval(square, (1.0, *coefficients))
     return np.asarray(powers, np.float64)
 
 
-def _skewed(v: Any, matrix: Numbers) -> Any:
+def _skewed(v: Any, matrix: Float64) -> Any:
     """What the skew adds to u, which OpenCV leaves out: s·y for the distorted y of pixels' v."""
     return matrix[0, 1] * (v - matrix[1, 2]) / matrix[1, 1]
