@@ -124,15 +124,11 @@ class PoseTracker:
         begin = time.perf_counter()
         try:
             frame = prepare_frame(image, self.camera)
-            prepared = (time.perf_counter() - begin) * 1e3
-            results = [
-                replace(result, milliseconds=result.milliseconds + prepared)
-                for result in self._refine(frame)
-            ]
+            results = self._refine(frame)
         except InputError as error:
             return (_failed(error, begin),) * len(self.meshes)
         return tuple(
-            self._add(frame, track, result)
+            _timed(self._add(frame, track, result), begin)
             for track, result in zip(self.tracks, results, strict=True)
         )
 
@@ -199,6 +195,11 @@ class PoseTracker:
             recovery_poses = Target(frame, self.camera, track.mesh, pose, track.depth_bias)
             found += perturbed_targets(recovery_poses, RECOVERY, track.random)
         return found
+
+
+def _timed(result: TrackingResult, begin: float) -> TrackingResult:
+    """The result with the time since the frame came: what the caller waited for it."""
+    return replace(result, milliseconds=(time.perf_counter() - begin) * 1e3)
 
 
 def _failed(error: InputError, begin: float) -> TrackingResult:
