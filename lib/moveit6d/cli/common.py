@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from .. import __version__
 from ..errors import InputError
 from .messages import add_message_options, note
+from .watching import watching
 
 if TYPE_CHECKING:
     from ..evaluation.run_tracker import TrackedFrame
@@ -215,9 +216,12 @@ def _make_tools(
 
 
 def complaining(steps: Iterable[TrackedFrame], prefix: str = "") -> Iterator[TrackedFrame]:
-    """The same steps, with a line on stderr where frames begin to fail or fail differently."""
+    """The same steps, with a line on stderr where frames begin to fail or fail differently.
+
+    And where the confidence goes and comes back (`watching`).
+    """
     last = None
-    for step in steps:
+    for step in watching(steps, prefix):
         if step.error is not None and step.error != last:
             note(f"{prefix}frame {step.frame.index}: {step.error}")
         last = step.error
