@@ -3,8 +3,9 @@
 #   make install    own virtual environment in .venv with pinned versions; leaves .venv/bin/moveit6d
 #   make demo       makes a clip of an object never seen in training, follows it, prints the error
 #   make demo-real  the same on a real video (ViSP's test sequence of a cube)
-#   make test       install, lint, type check, tests
-#   make lint       ruff and mypy only
+#   make test       install, lint, tests
+#   make lint       ruff, formatting, mypy, typos, large files, retired words
+#   make docs       the documentation as a site in build/site; warnings are errors
 
 PYTHON ?= python3
 VENV := .venv
@@ -17,7 +18,7 @@ TORCH_INDEX ?=
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: install demo demo-real test lint clean
+.PHONY: install demo demo-real test lint docs clean
 .DELETE_ON_ERROR:
 
 install: $(STAMP)
@@ -47,7 +48,19 @@ demo/visp/.unpacked:
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/typos
+	$(BIN)/python tools/large_files.py
+	$(BIN)/python tools/retired_words.py
+
+docs: $(VENV)/.moveit6d-docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "Open build/site/index.html"
+
+$(VENV)/.moveit6d-docs: $(STAMP)
+	@$(BIN)/python -m pip install --quiet --use-pep517 --constraint constraints.txt --editable '.[dev,docs]'
+	@touch $@
 
 test: lint
 	$(BIN)/python -m pytest

@@ -30,7 +30,7 @@ def track(mesh_file: Path, video: Path, camera_file: Path, start_file: Path) -> 
         if frame.image is None:  # damaged; the track goes on with the next one
             print(f"frame {frame.index}: {frame.error}")
             continue
-        result = tracker.update(frame.image)[0]  # one result for each object
+        result = tracker.update(frame.image)  # one result for each object
         if result.pose is None:
             print(f"frame {frame.index}: {result.error}")
             continue

@@ -81,7 +81,7 @@ class BrickScene:
 
     def image(self, frame: int) -> NDArray[np.uint8]:
         """What the camera sees: (120, 160, 3)."""
-        from moveit6d.rendering.renderer import make_renderer
+        from moveit6d.rendering.backends import make_renderer
         from moveit6d.rendering.shading import shade_plain
 
         camera, inner = self.camera, self.mesh.inner(self.pose(frame))

@@ -20,13 +20,14 @@ import torch
 
 from moveit6d.contour.extraction import find_contour
 from moveit6d.datasets.bop import BopDataset, Estimate, by_image, read_results
-from moveit6d.estimation.frame import Frame, prepare_frame
 from moveit6d.evaluation.bop.add_recall import score_results, targets_of
 from moveit6d.evaluation.tables import markdown, percent
+from moveit6d.frame import Frame, prepare_frame
 from moveit6d.geometry.crop import View, crop_patch, look_at
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.rendering.renderer import Renderer, make_renderer
+from moveit6d.rendering.backends import make_renderer
+from moveit6d.rendering.renderer import Renderer
 
 BLUR = 1.0  # patch pixels
 POINTS = 400

@@ -17,7 +17,7 @@ FLOORS = (
     ("errors",),
     ("io", "parallel", "threads", "typing", "config"),
     ("geometry",),
-    ("camera_calibration",),
+    ("frame", "camera_calibration"),
     ("actions",),
     ("rendering",),
     ("observation",),

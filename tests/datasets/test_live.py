@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from moveit6d.datasets.live import Latest, NetworkVideo, is_address
-from moveit6d.datasets.video import Frame, open_frames
+from moveit6d.datasets.video import VideoFrame, open_frames
 from moveit6d.errors import InputError
 from moveit6d.visualization.video import VideoWriter
 
@@ -82,13 +82,13 @@ class Ticking:
     def __init__(self, broken: BaseException | None = None) -> None:
         self.broken = broken
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[VideoFrame]:
         for number in range(10):
             time.sleep(0.01)
-            yield Frame(number, str(number), np.zeros((2, 2, 3), np.uint8))
+            yield VideoFrame(number, str(number), np.zeros((2, 2, 3), np.uint8))
         if self.broken:
             raise self.broken
-        yield Frame(10, "10", None, "gone")
+        yield VideoFrame(10, "10", None, "gone")
 
 
 def test_who_is_slow_sees_the_newest_frame_and_the_end() -> None:

@@ -11,7 +11,8 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from moveit6d.estimation import DetectorConfig, PoseDetector, PoseEstimator, PoseTracker, tracker
+from moveit6d.config import SeedDetectorConfig
+from moveit6d.estimation import PoseDetector, PoseEstimator, PoseTracker, tracker
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -57,7 +58,7 @@ def test_poses_are_those_of_the_image_without_the_lens(
         follower = PoseTracker(brick, view, brick.outer(there), policy=policy)
         follower.calibrate(pixels)
         follower.reset(brick.outer(start))
-        followed = follower.update(pixels)[0].pose
+        followed = follower.update(pixels).pose
         refined = PoseEstimator(brick, view, policy=policy).refine(pixels, brick.outer(start)).pose
         assert followed is not None and refined is not None
         shifts = [brick.inner(pose).translation - there.translation for pose in (followed, refined)]
@@ -80,7 +81,7 @@ def test_detection_sees_the_image_without_the_lens(brick: Mesh) -> None:
             raise StopIteration
 
     with pytest.raises(StopIteration):
-        Looking(brick, camera, config=DetectorConfig((0.3,))).detect(distorted)
+        Looking(brick, camera, config=SeedDetectorConfig((0.3,))).detect(distorted)
     assert seen == [camera.pinhole]
 
 
@@ -98,7 +99,7 @@ def test_milliseconds_hold_the_preparation_of_the_frame(
     follower = PoseTracker(brick, CAMERA, brick.outer(there))
     monkeypatch.setattr(tracker, "prepare_frame", slowly)
     begin = time.perf_counter()
-    (result,) = follower.update(image)
+    result = follower.update(image)
     assert 50 < result.milliseconds <= (time.perf_counter() - begin) * 1e3
 
 

@@ -124,7 +124,7 @@ def test_visible_sides_of_a_cube_seen_head_on(clip: BoxClip) -> None:
 def test_texture_from_the_first_frame_looks_like_the_frame(clip: BoxClip) -> None:
     from track_visp_cube import textured_box
 
-    from moveit6d.rendering.renderer import make_renderer
+    from moveit6d.rendering.backends import make_renderer
 
     mesh = textured_box(clip.corners, clip.sides, CAMERA, clip.truth[0], clip.frames[0])
     inner = mesh.inner(clip.truth[0])
@@ -279,7 +279,7 @@ def test_own_renderer_agrees_with_embree(
 ) -> None:
     import my_own_renderer
 
-    from moveit6d.rendering.renderer import make_renderer
+    from moveit6d.rendering.backends import make_renderer
 
     turn = exp_so3(torch.tensor([0.5, 0.6, 0.1], dtype=torch.float64))
     pose = Pose(turn, torch.tensor([0.0, 0.0, 0.5], dtype=torch.float64))

@@ -12,7 +12,8 @@ import torch
 
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.rendering.renderer import Renderer, make_renderer
+from moveit6d.rendering.backends import make_renderer
+from moveit6d.rendering.renderer import Renderer
 from moveit6d.visualization.overlay import GREEN, RED, blank, draw_pose, draw_text, outlines
 
 

@@ -17,7 +17,7 @@ from .messages import note, progress
 
 if TYPE_CHECKING:
     from ..camera_calibration import Board, Calibration, Corners
-    from ..datasets.video import Frame, FrameSource
+    from ..datasets.video import FrameSource, VideoFrame
 
 DESCRIPTION = """\
 Print the board, glue it to something flat, and film it with the camera and the settings
@@ -136,7 +136,7 @@ def _views(board: Board, frames: FrameSource) -> tuple[list[Corners], tuple[int,
     return views, size
 
 
-def _spread(frames: FrameSource) -> Iterator[Frame]:
+def _spread(frames: FrameSource) -> Iterator[VideoFrame]:
     """Up to `TRIED` frames: evenly spread if their number is known, else the first ones."""
     every = max(1, math.ceil((frames.length or 0) / TRIED))
     taken = 0

@@ -20,6 +20,7 @@ from .common import (
     versions,
     weights_facts,
 )
+from .settings import settings_of
 
 DESCRIPTION = """\
 Lays seeds over the image, sees where one iteration at each of them wants to go, looks for the
@@ -76,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
 
     from ..datasets.pose_files import write_pose
     from ..datasets.video import ImageList
-    from ..estimation import DetectorConfig, PoseDetector
+    from ..estimation import PoseDetector, SeedDetectorConfig
     from ..geometry.mesh import Mesh
     from ..io import replacing, write_json
     from ..visualization.overlay import draw_pose
@@ -85,19 +86,17 @@ def run(args: argparse.Namespace) -> int:
     camera, frame = camera_of(args, images), next(iter(images))
     if frame.image is None:
         raise InputError(f"{args.image}: {frame.error}")
-    config = DetectorConfig(
-        tuple(args.sizes), sinks=args.sinks, rotations=args.rotations, seed=args.seed
+    config = SeedDetectorConfig(
+        sizes=tuple(args.sizes),
+        sinks=args.sinks,
+        rotations=args.rotations,
+        seed=args.seed,
+        criterion=args.criterion,
+        loop=settings_of(args).loop,
     )
     policy, renderer = set_up(args)
     detector = PoseDetector(
-        mesh,
-        camera,
-        criterion=args.criterion,
-        config=config,
-        policy=policy,
-        renderer=renderer,
-        max_iterations=args.max_iterations,
-        threads=args.threads,
+        mesh, camera, policy=policy, renderer=renderer, config=config, threads=args.threads
     )
     found = detector.detect(frame.image)
     if found.result is None or found.pose is None:

@@ -193,7 +193,7 @@ def _average_recalls(
     dataset: BopDataset, files: Sequence[tuple[str, list[Estimate]]], args: argparse.Namespace
 ) -> str:
     from ..evaluation.bop.bop19 import bop19_table, has_depth, score_bop19, targets_of
-    from ..rendering.renderer import make_renderer
+    from ..rendering.backends import make_renderer
 
     targets = targets_of(dataset, args.targets)
     depth = has_depth(dataset, targets)

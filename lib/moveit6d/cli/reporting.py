@@ -63,7 +63,7 @@ def reporting(
 
     Nothing but gathering without a path.
     """
-    from ..estimation.track_state import LOW_CONFIDENCE
+    from ..evaluation.run_tracker import LOW_CONFIDENCE
 
     gathered = Gathered()
     try:
@@ -82,7 +82,7 @@ def reporting(
                 rows=gathered.rows,
                 facts=facts,
                 failures=gathered.failures,
-                doubtful=LOW_CONFIDENCE,
+                low_confidence=LOW_CONFIDENCE,
             )
             write_report(path, run, renderer)
 
@@ -107,7 +107,7 @@ def sequence_page(
     renderer: Renderer,
 ) -> str:
     """The page of one sequence; errors are against `truth`, the first of which is not counted."""
-    from ..estimation.track_state import LOW_CONFIDENCE
+    from ..evaluation.run_tracker import LOW_CONFIDENCE
     from ..evaluation.track_scores import EvaluationPoints, frame_errors
     from ..visualization.report import Run, report_page
 
@@ -125,7 +125,7 @@ def sequence_page(
         truth=sequence.truth,
         errors={error.frame: error for error in errors},
         failures=gathered.failures,
-        doubtful=LOW_CONFIDENCE,
+        low_confidence=LOW_CONFIDENCE,
     )
     return report_page(run, renderer)
 

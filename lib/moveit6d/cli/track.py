@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 from .camera_options import CAMERA_FILES, add_camera_options, camera_of
 from .common import (
-    add_beyond_paper_options,
+    Setting,
     add_tracking_options,
     add_verb,
     complaining,
     given,
+    make_tools,
     new_folder,
-    set_up,
     versions,
     weights_facts,
 )
@@ -95,7 +95,6 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
     parser.add_argument("--rerun", type=Path, metavar="FILE", help="write an .rrd for rerun")
     add_tracking_options(parser)
-    add_beyond_paper_options(parser)
     parser.set_defaults(run=run)
 
 
@@ -113,22 +112,21 @@ def run(args: argparse.Namespace) -> int:
     start, frames = read_pose(args.start), open_frames(args.video)
     camera = camera_of(args, frames)
     check_report(args.report, frames)
-    policy, renderer = set_up(args)
+    setting = Setting.of(args)
+    policy, renderer = make_tools(setting)
     tracker = PoseTracker(
         mesh,
         camera,
         start,
         policy=policy,
         renderer=renderer,
-        max_iterations=args.max_iterations,
-        multi_start=not args.no_multi_start,
-        contour=not args.no_contour,
-        threads=args.threads,
+        config=setting.config,
+        threads=setting.threads,
     )
     output = new_folder(args.output)
     record = TrackSummary()
     with (
-        _summary(output / "summary.json", record, args),
+        _summary(output / "summary.json", record, args, setting),
         reporting(args.report, _about(args), mesh, camera, frames, renderer) as page,
         PoseWriter(output / "poses.csv") as table,
         _movie(output / "overlay.mp4", frames.fps, args.no_overlay) as movie,
@@ -137,7 +135,8 @@ def run(args: argparse.Namespace) -> int:
         # What is live and read ahead would show the past.
         ahead = Latest(frames) if getattr(frames, "live", False) else Prefetched(frames)
         watched = progress(ahead, frames.length, "track")
-        known = calibrating(tracker, watched) if args.exact_start else watched
+        exact = args.exact_start and setting.config.calibration.enabled
+        known = calibrating(tracker, watched) if exact else watched
         for step in complaining(run_tracker(tracker, known)):
             table.write(step.row)
             record.add(step)
@@ -161,7 +160,9 @@ def _about(args: argparse.Namespace) -> dict[str, str]:
 
 
 @contextmanager
-def _summary(path: Path, record: TrackSummary, args: argparse.Namespace) -> Iterator[None]:
+def _summary(
+    path: Path, record: TrackSummary, args: argparse.Namespace, setting: Setting
+) -> Iterator[None]:
     """Write the summary when the block ends, however it ends, if there was a frame."""
     from ..io import write_json
 
@@ -178,6 +179,7 @@ def _summary(path: Path, record: TrackSummary, args: argparse.Namespace) -> Iter
                 "interrupted": interrupted,
                 **weights_facts(args.weights),
                 "versions": versions(),
+                "config": setting.config.as_dict(),
                 "arguments": given(args),
             }
             write_json(path, facts)

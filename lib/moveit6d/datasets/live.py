@@ -13,7 +13,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from ..errors import InputError
-from .video import Frame, FrameSource, to_upright_rgb
+from .video import FrameSource, VideoFrame, to_upright_rgb
 
 # Protocols of PyAV's ffmpeg; files that are fetched (http) are waited for, streams are not.
 STREAMED = ("rtsp", "rtsps", "rtmp", "rtmps", "rtp", "udp", "srt", "tcp", "mms")
@@ -47,18 +47,18 @@ class NetworkVideo:
             rate = container.streams.video[0].average_rate
             self.fps: float | None = float(rate) if rate else None
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[VideoFrame]:
         import av
 
         index = 0
         try:
             with self._open() as container:
                 for picture in container.decode(container.streams.video[0]):
-                    yield Frame(index, f"{self.name}#{index:06d}", to_upright_rgb(picture))
+                    yield VideoFrame(index, f"{self.name}#{index:06d}", to_upright_rgb(picture))
                     index += 1
         except (av.error.FFmpegError, OSError) as error:
             message = f"{self.name} gave no more frames ({_reason(error)})."
-            yield Frame(index, f"{self.name}#{index:06d}", None, message)
+            yield VideoFrame(index, f"{self.name}#{index:06d}", None, message)
 
     def _open(self) -> Any:
         import av
@@ -93,14 +93,14 @@ class Latest:
         """Frames a second, as they come."""
         return self.source.fps
 
-    def __iter__(self) -> Iterator[Frame]:
-        newest: list[Frame | BaseException | None] = []
+    def __iter__(self) -> Iterator[VideoFrame]:
+        newest: list[VideoFrame | BaseException | None] = []
         changed, given_up = threading.Condition(), threading.Event()
 
-        def put(item: Frame | BaseException | None) -> None:
+        def put(item: VideoFrame | BaseException | None) -> None:
             with changed:
                 # The end and errors are never overtaken.
-                if newest and isinstance(newest[-1], Frame) and newest[-1].error is None:
+                if newest and isinstance(newest[-1], VideoFrame) and newest[-1].error is None:
                     newest.pop()
                 newest.append(item)
                 changed.notify()

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from ..datasets.pose_files import PoseRow
-from ..datasets.video import Frame
+from ..datasets.video import VideoFrame
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
@@ -65,7 +65,7 @@ class RerunLog:
             self._stream.log(TRUTH, _edges(rr, self.mesh), static=True)
         return self
 
-    def write(self, frame: Frame, row: PoseRow, error: str | None = None) -> None:
+    def write(self, frame: VideoFrame, row: PoseRow, error: str | None = None) -> None:
         """Append one frame: its image, its row, and why it has no pose."""
         rr, stream = self._rerun, self._stream
         stream.set_time("frame", sequence=frame.index)

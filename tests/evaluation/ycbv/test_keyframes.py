@@ -174,7 +174,7 @@ def test_tables_name_what_is_missing_and_what_is_symmetric() -> None:
 
 
 def test_published_add_of_posecnn(shared: Path) -> None:
-    """data/real/README.md; ADD-S and others take minutes: see docs/metrics.md for the command."""
+    """data/real/README.md; ADD-S and others take minutes: see docs/reference/metrics.md."""
     folder = shared / "data" / "real" / "ycbv_keyframe_poses"
     keyframes = read_keyframe_poses(folder / "poses.npz", ["posecnn"])
     points = read_points(folder / "points.npz")

@@ -9,7 +9,7 @@ import pytest
 
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.rendering.backends import make_renderer
 from moveit6d.synthesis.objects.demo_object import demo_object
 from moveit6d.synthesis.sequences.board_occluder import plan_board_occluder
 from moveit6d.synthesis.sequences.difficulty import DIFFICULTIES

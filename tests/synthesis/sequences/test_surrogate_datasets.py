@@ -85,7 +85,7 @@ def test_another_folder_is_left_alone(tmp_path: Path, box: Mesh) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 
 
-def test_an_older_stand_in_is_replaced_and_a_broken_one_leaves_nothing(
+def test_an_older_surrogate_is_replaced_and_a_broken_one_leaves_nothing(
     tmp_path: Path, box: Mesh
 ) -> None:
     root = tmp_path / "laval"

@@ -22,7 +22,7 @@ from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...io import replacing_folder, write_json
-from ...rendering.renderer import make_renderer
+from ...rendering.backends import make_renderer
 from ..objects.mesh_file import write_glb
 from .board_occluder import plan_board_occluder
 from .difficulty import Difficulty, find_difficulty

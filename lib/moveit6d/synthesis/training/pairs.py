@@ -1,7 +1,7 @@
 """Training pairs: a start pose's rendering beside an observed patch whose true pose is known.
 
 Never trains. A pair lives in one look-at view, that of the start pose, so that all it needs is an
-orientation, a distance in diameters and the counts to the truth. METHOD 8. (For comparison also in
+orientation, a distance in diameters and the counts to the truth. (For comparison also in
 an axis-parallel view; there it matters in which direction the object stands.)
 """
 
@@ -135,7 +135,7 @@ class PairGenerator:
     def advance(self, batch: TrainingBatch, moves: Tensor) -> TrainingBatch:
         """The same pictures as they look after a policy's moves (B, 6), with new renderings.
 
-        So that a network is trained on the states that it leads to (METHOD 9d). A move that would
+        So that a network is trained on the states that it leads to. A move that would
         lose the object, or that leads farther away than `farthest`, is not made.
         """
         meshes = [self.meshes[int(i)] for i in batch.mesh]

@@ -1,6 +1,6 @@
 """Images as OpenCV, ROS, PIL and torch hand them over: checked, as tensors.
 
-Never crops and never decides.
+Never crops an object out of them.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ..errors import InputError
-from ..geometry.camera import Camera
+from .errors import InputError
+from .geometry.camera import Camera
+from .typing import ImageLike
 
 ROUNDING = 1e-3  # by which resampled floating point images may leave [0, 1]
 
@@ -31,6 +32,11 @@ class Frame:
     camera: Camera
 
     @cached_property
+    def intrinsics(self) -> Tensor:
+        """The camera's matrix K, float64 (3, 3)."""
+        return self.camera.matrix()
+
+    @cached_property
     def undistorted(self) -> Frame:
         """The frame as a pinhole would have taken it, for who needs the image as a whole."""
         if self.camera.lens is None:
@@ -38,7 +44,7 @@ class Frame:
         return Frame(*self.camera.undistort(self.pixels))
 
 
-def prepare_frame(image: Any, camera: Camera) -> Frame:
+def prepare_frame(image: ImageLike | Frame | None, camera: Camera) -> Frame:
     """An RGB image (H, W, 3) or (3, H, W) as a `Frame`; a `Frame` is returned as it is.
 
     Arrays (read-only and with any strides too), tensors and PIL images; uint8, or floating point

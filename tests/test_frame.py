@@ -11,7 +11,7 @@ import torch
 from PIL import Image
 
 from moveit6d.errors import InputError
-from moveit6d.estimation.frame import Frame, prepare_frame
+from moveit6d.frame import Frame, prepare_frame
 from moveit6d.geometry.camera import Camera
 
 CAMERA = Camera(50, 50, 19.5, 14.5, 40, 30)
