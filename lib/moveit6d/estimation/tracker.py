@@ -194,11 +194,18 @@ class PoseTracker(Generic[Results]):
             return results
         low = self.config.low_confidence
         others = [
-            self._recovery_starts(frame, track) if result.confidence < low else []
+            self._recovery_starts(frame, track)
+            if result.confidence < low and track.is_recovery_due()
+            else []
             for track, result in zip(self.tracks, results, strict=True)
         ]
         found = most_confident(
-            results, others, policy=self.policy, renderer=self.renderer, config=self.config
+            results,
+            others,
+            policy=self.policy,
+            renderer=self.renderer,
+            config=self.config,
+            race=self.config.multi_start.race,
         )
         return [
             new if new.confidence >= low else replace(old, milliseconds=new.milliseconds)
