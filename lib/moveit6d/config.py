@@ -98,6 +98,11 @@ class MultiStartConfig:
         recovery: in a video: starts around each of the three recovery poses (the last pose, the
             last confident one, and where its motion leads). Wider ones find a lost object no more
             often, and more often something else.
+        recovery_first: in a video: the first frames of low confidence in a row, so many of them,
+            have recovery starts.
+        recovery_every: in a video: after those, one frame in so many has recovery starts, so that a
+            lost object costs a few times the time of one that is followed, not twenty times.
+        race: in a video: after one iteration only the most confident recovery start goes on.
         around_start: in a single image: starts around the given pose.
         around_result: in a single image: starts around the refined pose.
         rounds: in a single image: how often to try.
@@ -108,6 +113,9 @@ class MultiStartConfig:
 
     enabled: bool = True
     recovery: PerturbationConfig = PerturbationConfig(3, (25.0, 25.0, 8.0), (10.0, 30.0))
+    recovery_first: int = 2
+    recovery_every: int = 3
+    race: bool = True
     around_start: PerturbationConfig = PerturbationConfig(6, (15.0, 15.0, 8.0), (5.0, 20.0))
     around_result: PerturbationConfig = PerturbationConfig(4, (3.0, 3.0, 3.0), (2.0, 6.0), True)
     rounds: int = 2

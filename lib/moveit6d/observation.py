@@ -83,7 +83,7 @@ def observe(
     """
     view = view_of(pose, sphere_diameter, crop)
     crops = [
-        crop_patch(frame.pixels, _one(view, row), frame.intrinsics)
+        crop_patch(frame.pixels, _one(view, row), frame.intrinsics, frame.camera.lens)
         for row, frame in enumerate(frames)
     ]
     gbuffer = renderer.render(meshes, view.to_virtual(pose), view.intrinsics)
@@ -95,7 +95,8 @@ def observe_shared(
 ) -> Observation:
     """Crops (B) of one frame beside one rendering (1) that is the same in every view."""
     count = len(sphere_diameter)
-    crops = [crop_patch(frame.pixels, _one(view, row), frame.intrinsics) for row in range(count)]
+    matrix, lens = frame.intrinsics, frame.camera.lens
+    crops = [crop_patch(frame.pixels, _one(view, row), matrix, lens) for row in range(count)]
     parts = (gbuffer.albedo, gbuffer.normal, gbuffer.depth, gbuffer.mask)
     shared = GBuffer(*(part.expand(count, -1, -1, -1) for part in parts))
     return assemble(torch.stack(crops), shared, view, sphere_diameter)

@@ -16,9 +16,9 @@ LIGHTNING = ROOT / "lightning_modules"
 FLOORS = (
     ("errors",),
     ("extras",),
-    ("io", "parallel", "typing", "config"),
+    ("io", "parallel", "threads", "typing", "config"),
     ("geometry",),
-    ("frame",),
+    ("frame", "camera_calibration"),
     ("actions",),
     ("rendering",),
     ("observation",),

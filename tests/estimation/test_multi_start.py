@@ -1,5 +1,7 @@
 """Multi-start refinement: only at low confidence, only where the camera sees, the best wins."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
@@ -132,3 +134,24 @@ def test_a_place_beside_is_as_far_as_asked(seed: int, shift: float, turn: float)
     delta = pose_delta(mesh.inner(at(0.02)), other, diameter).numpy()
     assert (np.abs(delta[:3]) <= np.array(shifts) + 1e-9).all()
     assert turn - 1e-6 <= np.linalg.norm(delta[3:]) <= 2 * turn + 1e-6
+
+
+def test_in_a_race_only_the_most_confident_start_goes_on(brick: Mesh) -> None:
+    policy = NearSighted(brick.inner(at(0.0)), 60.0)
+    targets = [Target(GRAY, CAMERA, brick, at(x)) for x in (0.03, 0.02, -0.025)]
+    results = refine_starts(starts_of(targets[:1]), policy=policy, renderer=RENDERER)
+    low = dataclasses.replace(results[0], confidence=0.1)
+    asked = []
+    for race in (False, True):
+        policy.asked = 0
+        (found,) = most_confident(
+            [low],
+            [starts_of(targets)],
+            policy=policy,
+            renderer=RENDERER,
+            config=NO_CONTOUR,
+            race=race,
+        )
+        assert found.confidence == pytest.approx(0.95)
+        asked.append(policy.asked)
+    assert asked[0] % 3 == 0 and asked[1] == 3 + (asked[0] - 3) // 3

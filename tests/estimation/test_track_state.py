@@ -138,3 +138,17 @@ def test_histograms_are_updated_from_confident_frames(brick: Mesh) -> None:
     assert track.histograms is not None
     np.testing.assert_allclose(track.histograms.inside, TrackerConfig().contour.histogram_rate)
     np.testing.assert_allclose(track.histograms.outside, 1 - TrackerConfig().contour.histogram_rate)
+
+
+def test_recovery_starts_become_rare_while_the_confidence_stays_low(brick: Mesh) -> None:
+    track = TrackState.begin(brick, moving(brick, 0))
+    due = []
+    for frame in range(12):
+        due.append(track.is_recovery_due())
+        if frame % 2:
+            track.miss()
+        else:
+            track.add(moving(brick, 0), LOW_CONFIDENCE - 0.1)
+    assert due == [True, True, False, False, True] + [False, False, True] * 2 + [False]
+    track.add(moving(brick, 0), LOW_CONFIDENCE)
+    assert track.is_recovery_due() and track.frames_low == 0

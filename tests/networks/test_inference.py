@@ -1,5 +1,9 @@
 """The network of the loop answers as the trained one does, whatever the batch."""
 
+import gc
+import os
+from pathlib import Path
+
 import pytest
 import torch
 
@@ -89,3 +93,22 @@ def test_a_gpu_answers_as_the_cpu_does(compute: Compute) -> None:
         assert there.delta is not None and here.delta is not None
         assert there.delta.device.type == "cpu"
         assert (there.delta - here.delta).abs().max() < (0.02 if compute == "float32" else 0.5)
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads Linux's /proc")
+def test_networks_that_are_dropped_leave_no_memory() -> None:
+    """Each trace of torch.jit's would stay for as long as the process lives: 15 MB."""
+    network = load_network(SHIPPED_WEIGHTS).network
+    seen = an_observation(1)
+
+    def megabytes() -> float:
+        gc.collect()
+        return (
+            int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE") / 1e6
+        )
+
+    for number in range(14):
+        InferenceNetwork(network, compute="float32")(seen)
+        if number == 3:
+            before = megabytes()
+    assert megabytes() - before < 40

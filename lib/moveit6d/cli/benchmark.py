@@ -16,10 +16,10 @@ from .common import (
     add_tracking_options,
     add_verb,
     positive,
-    progress,
     set_up,
     use_threads,
 )
+from .messages import progress
 from .settings import settings_of
 
 DESCRIPTION = """\

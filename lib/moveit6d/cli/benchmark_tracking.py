@@ -21,12 +21,11 @@ from .common import (
     add_tracking_options,
     add_verb,
     new_folder,
-    note,
-    progress,
     set_up,
     versions,
     weights_facts,
 )
+from .messages import note, progress
 
 if TYPE_CHECKING:
     from ..datasets.sequences import Sequence

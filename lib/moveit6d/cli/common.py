@@ -1,4 +1,4 @@
-"""What verbs share: exit codes, options, progress bars, facts for reports.
+"""What verbs share: exit codes, options, facts for reports.
 
 Never knows a single verb.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import platform
-import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,7 +17,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from .. import __version__
 from ..config import TrackerConfig
 from ..errors import InputError
+from .messages import add_message_options, note
 from .settings import DEFAULT, PREFIX, add_settings, settings_of
+from .watching import watching
 
 if TYPE_CHECKING:
     from ..evaluation.run_tracker import TrackedFrame
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 DATASET_FORMATS = ("folders", "bop", "ycbv", "laval", "rbot")
 
-BAD_INPUT, NO_RENDERING, INTERRUPTED = 2, 3, 130
+BAD_INPUT, NO_RENDERING, INTERRUPTED, BROKEN_PIPE = 2, 3, 130, 141
 
 EXIT_CODES = """
 exit codes:
@@ -37,6 +38,7 @@ exit codes:
   2    something given cannot be used; one sentence on stderr says what, where, what to do
   3    rendering is not possible on this machine; the message names what to install
   130  stopped by Ctrl-C; what was done until then is kept
+  141  who read the output stopped reading (as in `moveit6d … | head`)
 """
 
 Item = TypeVar("Item")
@@ -65,6 +67,7 @@ def add_verb(
         epilog=epilog + EXIT_CODES,
         formatter_class=ManualFormatter,
     )
+    add_message_options(parser)
     return parser
 
 
@@ -166,34 +169,13 @@ def set_up(args: argparse.Namespace) -> tuple[Policy, Renderer]:
     return make_tools(Setting.of(args))
 
 
-def progress(
-    items: Iterable[Item], total: int | None, what: str, unit: str = "frame"
-) -> Iterator[Item]:
-    """The items, with a bar and the time left on stderr while it is a terminal."""
-    with progress_bar(total, what, unit) as bar:
-        for item in items:
-            yield item
-            bar.update()
-
-
-def progress_bar(total: int | None, what: str, unit: str = "frame") -> Any:
-    """A bar on stderr with the time left, to be moved on by `update()`; none but on a terminal."""
-    from tqdm import tqdm
-
-    return tqdm(total=total, desc=what, unit=unit, file=sys.stderr, disable=None, leave=False)
-
-
-def note(text: str) -> None:
-    """A line on stderr that does not tear a progress bar."""
-    from tqdm import tqdm
-
-    tqdm.write(f"moveit6d: {text}", file=sys.stderr)
-
-
 def complaining(steps: Iterable[TrackedFrame], prefix: str = "") -> Iterator[TrackedFrame]:
-    """The same steps, with a line on stderr where frames begin to fail or fail differently."""
+    """The same steps, with a line on stderr where frames begin to fail or fail differently.
+
+    And where the confidence goes and comes back (`watching`).
+    """
     last = None
-    for step in steps:
+    for step in watching(steps, prefix):
         if step.error is not None and step.error != last:
             note(f"{prefix}frame {step.frame.index}: {step.error}")
         last = step.error

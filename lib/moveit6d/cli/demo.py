@@ -14,8 +14,8 @@ from .common import (
     add_verb,
     new_folder,
     positive,
-    progress_bar,
 )
+from .messages import progress_bar
 from .synthesize import DIFFICULTIES
 
 if TYPE_CHECKING:

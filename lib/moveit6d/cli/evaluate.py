@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .common import DATASET_FORMATS, add_verb, note, progress_bar, use_threads
+from .common import DATASET_FORMATS, add_verb, use_threads
+from .messages import note, progress_bar
 
 if TYPE_CHECKING:
     from ..datasets.bop import BopDataset, Estimate

@@ -11,6 +11,10 @@ from typing import Any
 
 from ..extras import require
 from .common import add_verb
+from .messages import set_level
+from .parser import spelt
+
+QUIETLY, VERBOSELY = ("-q", "--quiet"), ("-v", "--verbose")
 
 DESCRIPTION = """\
 Trains a network by a configuration file on pairs that are rendered as training goes on. Every
@@ -43,5 +47,8 @@ def forward(arguments: Sequence[str]) -> int:
     require("train", "moveit6d fit")
     from lightning_modules.cli import main
 
-    main(["--help" if word == "--all_options" else word for word in arguments])
+    words = [spelt(word) for word in arguments]
+    set_level(any(word in QUIETLY for word in words), any(word in VERBOSELY for word in words))
+    words = [word for word in words if word not in (*QUIETLY, *VERBOSELY)]
+    main(["--help" if word == "--all_options" else word for word in words])
     return 0

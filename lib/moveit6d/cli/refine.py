@@ -19,12 +19,11 @@ from .common import (
     add_jobs_options,
     add_tracking_options,
     add_verb,
-    note,
     positive,
-    progress,
     set_up,
     tools,
 )
+from .messages import note, progress
 
 if TYPE_CHECKING:
     from ..datasets.bop import BopDataset, Estimate

@@ -23,12 +23,11 @@ from .common import (
     complaining,
     make_tools,
     new_folder,
-    note,
     positive,
-    progress,
     versions,
     weights_facts,
 )
+from .messages import note, progress
 from .reproduce_pages import DESCRIPTION, EPILOG, KINDS
 
 if TYPE_CHECKING:
@@ -185,7 +184,13 @@ def _tracks(
 
     def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker[TrackingResult]:
         return PoseTracker(
-            mesh, camera, start, policy=policy, renderer=renderer, config=setting.config
+            mesh,
+            camera,
+            start,
+            policy=policy,
+            renderer=renderer,
+            config=setting.config,
+            threads=setting.threads,
         )
 
     kept = {k: v for k, v in facts.items() if k not in ("only", "versions")}
@@ -312,7 +317,12 @@ def _detection(args: argparse.Namespace) -> Reproduction:
     )
     detectors = {
         video.name: PoseDetector(
-            video.load_mesh(), video.camera, policy=policy, renderer=renderer, config=config
+            video.load_mesh(),
+            video.camera,
+            policy=policy,
+            renderer=renderer,
+            config=config,
+            threads=setting.threads,
         )
         for video in videos
     }

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .common import Setting, complaining, progress, tools
+from .common import Setting, complaining, tools
+from .messages import progress
 from .reporting import Gathered, rerun_log, sequence_page
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ def track_job(
             policy=policy,
             renderer=renderer,
             config=job.setting.config,
+            threads=job.setting.threads,
         )
 
     gathered = Gathered()

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .common import add_verb, positive, progress_bar
+from .common import add_verb, positive
+from .messages import progress_bar
 
 if TYPE_CHECKING:
     from ..datasets.video import Image

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from .camera_options import CAMERA_FILES, add_camera_options, camera_of
 from .common import (
     Setting,
     add_tracking_options,
@@ -20,16 +21,17 @@ from .common import (
     given,
     make_tools,
     new_folder,
-    progress,
     versions,
     weights_facts,
 )
+from .messages import progress
 from .reporting import check_report, reporting, rerun_log
 
 if TYPE_CHECKING:
     from ..evaluation.run_tracker import TrackSummary
 
-DESCRIPTION = """\
+DESCRIPTION = (
+    """\
 Finds the pose in every frame, each starting from the one before; the first frame starts from
 --start. A frame that cannot be used (damaged, of another size) is recorded and the track
 goes on with the next one. The start must be roughly right: within about a quarter of the
@@ -37,10 +39,12 @@ object's width and 20 degrees.
 
 files read:
   --mesh    OBJ, PLY, GLB or STL, with texture, vertex colours or plain
-  --video   a folder of images (taken in the order of their names), a video file, or the
-            index of a camera (then stop with Ctrl-C)
-  --camera  {"fx", "fy", "cx", "cy", "width", "height", "distortion": [k1, k2, p1, p2, k3]}
-            in pixels, pixel (0, 0) being the centre of the top-left one; distortion optional
+  --video   a folder of images (taken in the order of their names), a video file, the
+            address of a stream (rtsp://…, http://…) or the index of a camera (then stop with
+            Ctrl-C; frames that come while another is worked on are left out)
+"""
+    + CAMERA_FILES
+    + """\
   --start   {"rotation": 3x3, "translation": [x, y, z]}: object to camera, x right, y down,
             z forward, metres, in the frame of the mesh file
 
@@ -52,6 +56,7 @@ files written to --output:
   --report      one HTML page of the run for any browser: curves, pictures, worst frames first
   --rerun       the run for the rerun viewer (needs: pip install 'moveit6d[rerun]')
 """
+)
 
 EPILOG = """\
 examples:
@@ -72,11 +77,9 @@ def add_parser(verbs: Any) -> None:
         "--video",
         required=True,
         metavar="SOURCE",
-        help="folder of images, video file or camera index",
+        help="folder of images, video file, address (rtsp://…, http://…) or camera index",
     )
-    needed.add_argument(
-        "--camera", type=Path, required=True, metavar="FILE", help="intrinsics (camera.json)"
-    )
+    add_camera_options(needed)
     needed.add_argument(
         "--start", type=Path, required=True, metavar="FILE", help="pose in the first frame"
     )
@@ -97,8 +100,9 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Track and write."""
-    from ..datasets.pose_files import PoseWriter, read_camera
-    from ..datasets.video import LiveCamera, Prefetched, open_frames
+    from ..datasets.live import Latest
+    from ..datasets.pose_files import PoseWriter
+    from ..datasets.video import Prefetched, open_frames
     from ..estimation import PoseTracker
     from ..evaluation.run_tracker import TrackSummary, calibrating, run_tracker
     from ..geometry.mesh import Mesh
@@ -106,8 +110,8 @@ def run(args: argparse.Namespace) -> int:
     from .drawing import draw_step
 
     mesh = Mesh.load(args.mesh, args.mesh_unit)
-    camera, start = read_camera(args.camera), Pose.load(args.start)
-    frames = open_frames(args.video)
+    start, frames = Pose.load(args.start), open_frames(args.video)
+    camera = camera_of(args, frames)
     check_report(args.report, frames)
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
@@ -118,6 +122,7 @@ def run(args: argparse.Namespace) -> int:
         policy=policy,
         renderer=renderer,
         config=setting.config,
+        threads=setting.threads,
     )
     output = new_folder(args.output)
     record = TrackSummary()
@@ -128,8 +133,8 @@ def run(args: argparse.Namespace) -> int:
         _movie(output / "overlay.mp4", frames.fps, args.no_overlay) as movie,
         rerun_log(args.rerun, mesh, camera) as log,
     ):
-        # A camera read ahead would show the past.
-        ahead = frames if isinstance(frames, LiveCamera) else Prefetched(frames)
+        # What is live and read ahead would show the past.
+        ahead = Latest(frames) if getattr(frames, "live", False) else Prefetched(frames)
         watched = progress(ahead, frames.length, "track")
         exact = args.exact_start and setting.config.calibration.enabled
         known = calibrating(tracker, watched) if exact else watched

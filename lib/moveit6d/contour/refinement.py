@@ -13,7 +13,8 @@ import torch
 from torch import Tensor
 
 from ..config import ContourConfig
-from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE, View, crop_patch, look_at, patch_to_image
+from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE, View, crop_patch, look_at, patch_pixels
+from ..geometry.lens import Lens
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..rendering.renderer import Renderer
@@ -97,13 +98,14 @@ def refine_contour(
     renderer: Renderer,
     histograms: ColourHistograms | None = None,
     config: ContourConfig = DEFAULT,
+    lens: Lens | None = None,
 ) -> ContourRefinement:
-    """Fit the contour of a mesh near a centred pose to an image (3, H, W).
+    """Fit the contour of a mesh near a centred pose to an image (3, H, W) taken through `lens`.
 
     `histograms` are what the object and its surroundings looked like before; without them those of
     this very image at the given pose must do.
     """
-    sight = _look(image, intrinsics, mesh, pose, renderer)
+    sight = _look(image, intrinsics, mesh, pose, renderer, lens)
     place = sight.place(pose)
     mask, depth = sight.render(place)
     known = histograms or estimate_histograms(sight.patch, mask, sight.seen, config)
@@ -131,38 +133,42 @@ def histograms_at(
     pose: Pose,
     renderer: Renderer,
     config: ContourConfig = DEFAULT,
+    lens: Lens | None = None,
 ) -> ColourHistograms | None:
     """The colours that an image (3, H, W) shows of a mesh at a centred pose, and beside it.
 
     None if there is too little to see.
     """
-    sight = _look(image, intrinsics, mesh, pose, renderer)
+    sight = _look(image, intrinsics, mesh, pose, renderer, lens)
     mask, _ = sight.render(sight.place(pose))
     return estimate_histograms(sight.patch, mask, sight.seen, config)
 
 
-def _look(image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: Renderer) -> _Sight:
+def _look(
+    image: Tensor,
+    intrinsics: Tensor,
+    mesh: Mesh,
+    pose: Pose,
+    renderer: Renderer,
+    lens: Lens | None,
+) -> _Sight:
     """Cut the patch out of the image."""
     view = look_at(pose, torch.tensor(mesh.sphere_diameter, dtype=torch.float64))
-    patch = crop_patch(image, view, intrinsics)
+    patch = crop_patch(image, view, intrinsics, lens)
     picture = (patch * 255).round().clamp(0, 255).to(torch.uint8).permute(1, 2, 0).numpy()
     return _Sight(
         mesh,
         renderer,
         view,
         np.ascontiguousarray(picture),
-        _seen(patch_to_image(view, intrinsics).numpy(), *image.shape[-2:]),
+        _seen(*patch_pixels(view, intrinsics, lens), *image.shape[-2:]),
     )
 
 
-def _seen(back: Float64, height: int, width: int) -> Mask:
-    """Which pixels of the patch (H, W) lie in the image, to which `back` (3, 3) takes them."""
-    line = np.arange(PATCH_SIZE)
-    rows = back[:, 1, None] * line + back[:, 2, None]
-    x, y, z = rows[:, :, None] + (back[:, 0, None] * line)[:, None]
-    right, bottom = (width - 0.5) * z, (height - 0.5) * z
-    across, down = (x >= -0.5 * z) & (x <= right), (y >= -0.5 * z) & (y <= bottom)
-    seen: Mask = (z > 0) & across & down
+def _seen(u: Tensor, v: Tensor, height: int, width: int) -> Mask:
+    """Which pixels of the patch (H, W) lie in the image, at u and v there."""
+    across, down = (u >= -0.5) & (u <= width - 0.5), (v >= -0.5) & (v <= height - 0.5)
+    seen: Mask = (across & down).numpy()
     return seen
 
 

@@ -31,7 +31,14 @@ def refine_result(
     begin = time.perf_counter()
     frame = start.frame
     found = refine_contour(
-        frame.pixels, frame.intrinsics, start.mesh, result.centred, renderer, histograms, config
+        frame.pixels,
+        frame.intrinsics,
+        start.mesh,
+        result.centred,
+        renderer,
+        histograms,
+        config,
+        frame.camera.lens,
     )
     spent = (time.perf_counter() - begin) * 1e3
     milliseconds = result.milliseconds + spent

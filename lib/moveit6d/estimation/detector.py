@@ -22,7 +22,9 @@ from ..geometry.rotation_grid import rotation_grid
 from ..policies import Policy, load_policy
 from ..rendering.backends import make_renderer
 from ..rendering.renderer import Renderer
+from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
+from .inputs import camera_of, meshes_of
 from .refine import refine_batch
 from .results import StopReason, Target, TrackingResult
 from .seeding import SeedField, Sink, find_sinks, seed_field, seed_poses
@@ -79,6 +81,8 @@ class PoseDetector:
         policy: predicts the pose deltas; the shipped network if None.
         renderer: the back end; embree if None.
         config: every other setting.
+        threads: CPU threads of torch and OpenCV while it computes; the caller's if None. More than
+            one gain little and lose much beside other busy processes.
     """
 
     def __init__(
@@ -89,8 +93,10 @@ class PoseDetector:
         policy: Policy | None = None,
         renderer: Renderer | None = None,
         config: SeedDetectorConfig = DEFAULT,
+        threads: int | None = 1,
     ) -> None:
-        self.mesh, self.camera, self.config, self.loop = mesh, camera, config, config.loop
+        self.mesh, self.camera = meshes_of([mesh])[0], camera_of(camera)
+        self.config, self.loop, self.threads = config, config.loop, checked_threads(threads)
         self.criterion = SelectionCriterion(config.criterion)
         if config.loop.max_iterations is None and self.criterion is SelectionCriterion.ITERATIONS:
             limit = MAX_ITERATIONS[ActionMode.SINGLE]
@@ -98,12 +104,13 @@ class PoseDetector:
         self.policy: Policy = load_policy() if policy is None else policy
         self.renderer = make_renderer() if renderer is None else renderer
 
+    @with_own_threads
     def detect(self, image: ImageLike | Frame) -> Detection:
         """The object in an RGB image (H, W, 3); it is taken to be there.
 
         Raises `InputError` if the image does not fit the camera.
         """
-        frame = prepare_frame(image, self.camera)
+        frame = prepare_frame(image, self.camera).undistorted
         fields = self.seed(frame)
         found = [sink for field in fields for sink in find_sinks(field, 2 * self.config.sinks)]
         places = strongest(found, self.config.sinks)
@@ -111,9 +118,10 @@ class PoseDetector:
         best = best_of(candidates, self.criterion)
         return Detection(None if best is None else best.result, fields, places, candidates)
 
+    @with_own_threads
     def seed(self, image: ImageLike | Frame) -> tuple[SeedField, ...]:
         """The fields of one iteration from seeds all over the image, one a size."""
-        frame = prepare_frame(image, self.camera)
+        frame = prepare_frame(image, self.camera).undistorted
         generator = torch.Generator().manual_seed(self.config.seed)
         turns = random_rotations(self.config.poses, generator)
         side = min(self.camera.width, self.camera.height)
@@ -122,11 +130,12 @@ class PoseDetector:
             for share in self.config.sizes
         )
 
+    @with_own_threads
     def try_rotations(
         self, image: ImageLike | Frame, sinks: Sequence[Sink]
     ) -> tuple[Candidate, ...]:
         """Loops from a coarse grid over all rotations at every sink, in batches."""
-        frame = prepare_frame(image, self.camera)
+        frame = prepare_frame(image, self.camera).undistorted
         grid = rotation_grid(self.config.rotations)
         starts = [(sink, pose) for sink in sinks for pose in self._poses(sink, grid, frame)]
         found = []

@@ -16,8 +16,10 @@ from ..geometry.pose import Pose
 from ..policies import DihedralAugmentation, Policy, load_policy, mode_of
 from ..rendering.backends import make_renderer
 from ..rendering.renderer import Renderer
+from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
 from .contour_stage import refine_result
+from .inputs import camera_of, meshes_of, pose_of
 from .multi_start import refine_multi_start
 from .refine import refine_starts
 from .results import Refined, Start, Target, TrackingResult, starts_of
@@ -35,6 +37,8 @@ class PoseEstimator:
         policy: predicts the pose deltas; the shipped network if None.
         renderer: the back end; embree if None.
         config: every other setting.
+        threads: CPU threads of torch and OpenCV while it computes; the caller's if None. More than
+            one gain little and lose much beside other busy processes.
     """
 
     def __init__(
@@ -45,18 +49,21 @@ class PoseEstimator:
         policy: Policy | None = None,
         renderer: Renderer | None = None,
         config: TrackerConfig = DEFAULT,
+        threads: int | None = 1,
     ) -> None:
-        self.mesh, self.camera, self.config = mesh, camera, config
+        self.mesh, self.camera, self.config = meshes_of([mesh])[0], camera_of(camera), config
+        self.threads = checked_threads(threads)
         self.policy: Policy = load_policy() if policy is None else policy
         self.renderer = make_renderer() if renderer is None else renderer
 
+    @with_own_threads
     def refine(self, image: ImageLike | Frame, pose: Pose) -> TrackingResult:
         """The pose in an RGB image (H, W, 3) near `pose`; both in the mesh file's frame.
 
         Raises `InputError` if the image does not fit the camera or the camera cannot see the object
         at that pose.
         """
-        frame = prepare_frame(image, self.camera)
+        frame, pose = prepare_frame(image, self.camera), pose_of(pose)
         check_start(pose, self.mesh, frame.camera)
         target = Target(frame, self.camera, self.mesh, pose)
         return refine_single(

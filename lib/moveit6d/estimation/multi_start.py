@@ -54,9 +54,11 @@ def most_confident(
     policy: Policy,
     renderer: Renderer,
     config: TrackerConfig,
+    race: bool = False,
 ) -> list[Refined]:
     """Each result, or that of one of its other starts if it is more confident.
 
+    With `race` only the most confident of the other starts goes on after one iteration.
     `iterations` are those of the loop that ended there; `milliseconds` include the others' loops.
     """
     begin = time.perf_counter()
@@ -64,10 +66,15 @@ def most_confident(
     starts = [(i, start) for i, some in enumerate(others) for start in some]
     for first in range(0, len(starts), config.multi_start.batch_size):
         part = starts[first : first + config.multi_start.batch_size]
+        owners = [i for i, _ in part]
         ends = refine_starts(
-            [start for _, start in part], policy=policy, renderer=renderer, loop=config.loop
+            [start for _, start in part],
+            policy=policy,
+            renderer=renderer,
+            loop=config.loop,
+            groups=owners if race else None,
         )
-        for (i, _), end in zip(part, ends, strict=True):
+        for i, end in zip(dict.fromkeys(owners) if race else owners, ends, strict=True):
             if end.centred is not None and end.confidence > found[i].confidence:
                 found[i] = end
     spent = (time.perf_counter() - begin) * 1e3

@@ -29,6 +29,7 @@ class TrackState:
     `centred` is the last pose, `velocity` (2, 3) its last rotation vector (radians) and shift
     (metres) from frame to frame; `last_confident` the last pose of high confidence, `mean_velocity`
     (2, 3) the mean velocity up to it and `frames_unconfident` the number of frames since.
+    `frames_low` counts the frames in a row whose confidence was low.
     `above_low` and `above_high` say which thresholds the last confidence reached, `slow` that the
     object is confidently tracked and hardly moved. `histograms` are the colours of the object and
     its surroundings, `depth_bias` what the policy is known to be off by (`calibration`).
@@ -41,6 +42,7 @@ class TrackState:
     velocity: Tensor | None = None
     mean_velocity: Tensor | None = None
     frames_unconfident: int = 0
+    frames_low: int = 0
     above_low: bool = True
     above_high: bool = True
     slow: bool = False
@@ -82,6 +84,12 @@ class TrackState:
             ahead = _ahead(self.last_confident, frames * self.mean_velocity)
         return self.centred, self.last_confident, ahead
 
+    def is_recovery_due(self) -> bool:
+        """Whether a frame of low confidence now has recovery starts: the first ones, then a few."""
+        config = self.config.multi_start
+        later = self.frames_low - config.recovery_first + 1
+        return later <= 0 or later % config.recovery_every == 0
+
     def add(self, centred: Pose, confidence: float) -> None:
         """Go on from the pose of the next frame.
 
@@ -91,6 +99,7 @@ class TrackState:
         before, was_above_high = self.centred, self.above_high
         self.above_low = confidence >= self.config.low_confidence
         self.above_high = confidence >= self.config.high_confidence
+        self.frames_low = 0 if self.above_low else self.frames_low + 1
         slow = self.config.motion.slow_delta
         self.slow = self.above_high and not _differ(self.mesh, before, after, slow)
         self.velocity = None
@@ -113,6 +122,7 @@ class TrackState:
         """A frame without a pose: stay where the object was."""
         self.above_low, self.above_high, self.slow, self.velocity = False, False, False, None
         self.frames_unconfident += 1
+        self.frames_low += 1
 
     def _nearest_equivalent(self, centred: Pose) -> Pose:
         """The equivalent of a pose that is turned least from the last one."""

@@ -22,9 +22,11 @@ from ..geometry.pose import Pose
 from ..policies import Policy, load_policy
 from ..rendering.backends import make_renderer
 from ..rendering.renderer import Renderer
+from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
 from .calibration import depth_bias
 from .contour_stage import refine_result
+from .inputs import camera_of, meshes_of, poses_of
 from .multi_start import most_confident, perturbed_starts, uses_multi_start
 from .refine import refine_starts
 from .results import Refined, Start, StopReason, TrackingResult
@@ -46,6 +48,8 @@ class PoseTracker(Generic[Results]):
         policy: predicts the pose deltas; the shipped network if None.
         renderer: the back end; embree if None.
         config: every other setting.
+        threads: CPU threads of torch and OpenCV while it computes; the caller's if None. More than
+            one gain little and lose much beside other busy processes.
 
     With one mesh `update` returns one result, with a list of meshes a list of results.
     """
@@ -60,6 +64,7 @@ class PoseTracker(Generic[Results]):
         policy: Policy | None = None,
         renderer: Renderer | None = None,
         config: TrackerConfig = DEFAULT,
+        threads: int | None = 1,
     ) -> None: ...
 
     @overload
@@ -72,6 +77,7 @@ class PoseTracker(Generic[Results]):
         policy: Policy | None = None,
         renderer: Renderer | None = None,
         config: TrackerConfig = DEFAULT,
+        threads: int | None = 1,
     ) -> None: ...
 
     def __init__(
@@ -83,10 +89,11 @@ class PoseTracker(Generic[Results]):
         policy: Policy | None = None,
         renderer: Renderer | None = None,
         config: TrackerConfig = DEFAULT,
+        threads: int | None = 1,
     ) -> None:
         self.single = isinstance(meshes, Mesh)
-        self.meshes = [meshes] if isinstance(meshes, Mesh) else list(meshes)
-        self.camera, self.config = camera, config
+        self.meshes = meshes_of(meshes)
+        self.camera, self.config, self.threads = camera_of(camera), config, checked_threads(threads)
         self.tracks: list[TrackState] = []
         self.reset(start)
         self.policy: Policy = load_policy() if policy is None else policy
@@ -102,9 +109,11 @@ class PoseTracker(Generic[Results]):
 
         `InputError`, and nothing changed, if a pose is missing or cannot be seen by the camera.
         """
-        given = [poses] if isinstance(poses, Pose) else list(poses)
+        given = poses_of(poses)
         if len(self.meshes) != len(given):
-            raise InputError(f"{len(self.meshes)} meshes but {len(given)} start poses.")
+            raise InputError(
+                f"{len(self.meshes)} meshes need as many start poses, found {len(given)}."
+            )
         for mesh, pose in zip(self.meshes, given, strict=True):
             check_start(pose, mesh, self.camera)
         self.tracks = [
@@ -112,6 +121,7 @@ class PoseTracker(Generic[Results]):
             for mesh, pose in zip(self.meshes, given, strict=True)
         ]
 
+    @with_own_threads
     def calibrate(self, image: ImageLike | Frame) -> None:
         """Calibrate from an image in which the present poses are exact.
 
@@ -129,9 +139,11 @@ class PoseTracker(Generic[Results]):
                 track.centred,
                 self.renderer,
                 self.config.contour,
+                frame.camera.lens,
             )
             track.depth_bias = depth_bias(exact, self.policy, self.renderer, self.config)
 
+    @with_own_threads
     def update(self, image: ImageLike | Frame | None) -> Results:
         """The result for the next frame, RGB (H, W, 3); for a list of meshes a list of results.
 
@@ -152,7 +164,7 @@ class PoseTracker(Generic[Results]):
             return [failed] * len(self.meshes)
         results = self._refine(frame)
         return [
-            self._add(frame, track, result)
+            _timed(self._add(frame, track, result), begin)
             for track, result in zip(self.tracks, results, strict=True)
         ]
 
@@ -182,11 +194,18 @@ class PoseTracker(Generic[Results]):
             return results
         low = self.config.low_confidence
         others = [
-            self._recovery_starts(frame, track) if result.confidence < low else []
+            self._recovery_starts(frame, track)
+            if result.confidence < low and track.is_recovery_due()
+            else []
             for track, result in zip(self.tracks, results, strict=True)
         ]
         found = most_confident(
-            results, others, policy=self.policy, renderer=self.renderer, config=self.config
+            results,
+            others,
+            policy=self.policy,
+            renderer=self.renderer,
+            config=self.config,
+            race=self.config.multi_start.race,
         )
         return [
             new if new.confidence >= low else replace(old, milliseconds=new.milliseconds)
@@ -217,3 +236,8 @@ class PoseTracker(Generic[Results]):
             track.update_histograms(histograms)
             result = replace(result, centred=track.centred)
         return result.result(track.mesh)
+
+
+def _timed(result: TrackingResult, begin: float) -> TrackingResult:
+    """The result with the time since the frame came: what the caller waited for it."""
+    return replace(result, milliseconds=(time.perf_counter() - begin) * 1e3)

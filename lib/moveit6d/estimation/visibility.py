@@ -5,6 +5,9 @@ Never looks at an image.
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -44,9 +47,10 @@ def out_of_sight(centre: Tensor, diameter: float, camera: Camera) -> str | None:
             f"the camera is inside the object (z = {depth:.3g} m, object {diameter:.3g} m across); "
             "check the unit of the mesh and of the pose"
         )
-    # A twin of `Camera.project` on plain numbers: this runs for every pose of every loop.
-    u, v = camera.fx * x / depth + camera.cx, camera.fy * y / depth + camera.cy
+    u, v = _pixel(x, y, depth, camera)
     reach = 0.5 * diameter * camera.fx / depth
+    if math.isinf(u):
+        return "the object is outside of what the lens shows"
     if not (-reach < u < camera.width + reach and -reach < v < camera.height + reach):
         size = f"{camera.width}×{camera.height}"
         return f"the object is outside of the image (centre at pixel {u:.0f}, {v:.0f} of {size})"
@@ -56,3 +60,19 @@ def out_of_sight(centre: Tensor, diameter: float, camera: Camera) -> str | None:
             f"{diameter:.3g} m across) and of the pose (z = {depth:.3g} m)"
         )
     return None
+
+
+def _pixel(x: float, y: float, depth: float, camera: Camera) -> tuple[float, float]:
+    """Where the camera sees a point; infinitely far away what its lens does not show.
+
+    A twin of `Camera.project` on plain numbers: this runs for every pose of every loop.
+    """
+    lens = camera.lens
+    if lens is None:
+        u = camera.fx * x / depth + camera.skew * y / depth + camera.cx
+        return u, camera.fy * y / depth + camera.cy
+    point = np.array([[x, y, depth]])
+    if not lens.shows(point)[0]:
+        return math.inf, math.inf
+    u, v = lens.project(point, camera.matrix.numpy())[0]
+    return float(u), float(v)

@@ -89,15 +89,27 @@ class InferenceNetwork:
     def _trace(self, tensors: tuple[Tensor, ...]) -> Callable[..., Answer]:
         size = len(tensors[0])
         if size not in self._traces:
-            with warnings.catch_warnings():
-                # Shapes become constants: that is meant, there is a trace a size. Its successors
-                # (torch.compile, torch.export) need a compiler at run time or gain nothing here.
-                warnings.simplefilter("ignore")
-                traced = torch.jit.trace(  # type: ignore[no-untyped-call]
-                    self.folded, tensors, check_trace=False
-                )
-                self._traces[size] = torch.jit.freeze(traced)
+            self._traces[size] = _traced(self.folded, tensors)
         return self._traces[size]
+
+
+def _traced(network: nn.Module, tensors: tuple[Tensor, ...]) -> Callable[..., Answer]:
+    """The network's operators for tensors of these shapes, without Python between them.
+
+    `torch.jit.trace` keeps what it traced as long as the process lives, 16 MB a network. The graph
+    alone, in a compilation unit of its own, goes with the function.
+    """
+    from torch.jit import _trace as trace  # its names without an underscore keep the network alive
+
+    with warnings.catch_warnings():
+        # Shapes become constants: that is meant, there is a trace a size. Its successors
+        # (torch.compile, torch.export) need a compiler at run time or gain nothing here.
+        warnings.simplefilter("ignore")
+        graph, _ = trace._get_trace_graph(network, tensors)  # type: ignore[no-untyped-call]
+    # The graph takes the network's tensors after the given ones, each once.
+    state = list(trace._unique_state_dict(network, keep_vars=True).values())  # type: ignore[no-untyped-call]
+    run = torch._C._create_function_from_graph("network", graph)
+    return lambda *given: run(*given, *state)
 
 
 class _Plain(nn.Module):
