@@ -9,7 +9,7 @@ import itertools
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import torch
 from torch import Tensor
@@ -64,6 +64,15 @@ class Policy(Protocol):
         ...
 
 
+@runtime_checkable
+class DescriptorPolicy(Policy, Protocol):
+    """A policy that also says what places in images look like: what detection searches with."""
+
+    def descriptors(self, images: Tensor) -> Tensor:
+        """A descriptor for each cell of 8 × 8 pixels: (B, 3, H, W) in [0, 1] → (B, C, h, w)."""
+        ...
+
+
 def choose_move(decision: Decision, mode: MoveMode, step: float = 1.0) -> PoseAction:
     """The move that a decision stands for.
 
@@ -100,6 +109,11 @@ class NetworkPolicy:
     def decide(self, seen: Observation, situation: Situation) -> Decision:
         """One pass of the network."""
         return self.network(seen)
+
+
+    def descriptors(self, images: Tensor) -> Tensor:
+        """What each cell of 8 × 8 pixels looks like: images (B, 3, H, W) → (B, C, H / 8, W / 8)."""
+        return self.network.descriptors(images)
 
 
 class TurnedPolicy:

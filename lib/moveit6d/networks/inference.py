@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from torch.nn.utils import convert_conv2d_weight_memory_format
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
+from ..errors import InputError
 from ..observation import Observation
 from .action_net import ActionNet
 from .correlation import CorrelationNet
@@ -61,6 +62,17 @@ class InferenceNetwork:
         run = self._trace(tensors) if len(seen) <= TRACED else self.folded
         logits, confidence, attention, *counts = run(*tensors)
         return Decision(logits, counts[0] if counts else None, confidence, attention)
+
+    @torch.inference_mode()
+    def descriptors(self, images: Tensor) -> Tensor:
+        """`CorrelationNet.descriptors`; `InputError` for a network that has none."""
+        network = self.folded.network
+        if isinstance(network, ActionNet):
+            raise InputError(
+                "This network has no descriptors to search an image with; use the method 'seeds', "
+                "or weights of a correlation network."
+            )
+        return network.descriptors(images)
 
     def _trace(self, tensors: tuple[Tensor, ...]) -> Callable[..., Answer]:
         size = len(tensors[0])
