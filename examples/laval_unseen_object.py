@@ -17,7 +17,7 @@ from pathlib import Path
 
 from moveit6d import InputError, PoseTracker, load_policy, make_renderer
 from moveit6d.datasets.catalog import open_dataset, stand_in
-from moveit6d.datasets.files import PoseRow
+from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.evaluation.tracking import Surface, frame_errors, score
 from moveit6d.synthesis.demo_object import demo_object
 from moveit6d.synthesis.stand_ins import Making, write_laval_stand_in
@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for frame in islice(sequence.open(), sequence.first + 1, args.frames):
         result = tracker.update(frame.image)[0]
         rows[frame.index] = PoseRow(
-            frame.index, frame.name, result.pose, result.steps, result.stopped_by.value,
+            frame.index, frame.name, result.pose, result.iterations, result.stopped_by.value,
             result.confidence, result.milliseconds,
         )  # fmt: skip
 

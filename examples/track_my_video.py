@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from moveit6d import InputError, Mesh, PoseTracker
-from moveit6d.datasets.files import read_camera, read_pose
+from moveit6d.datasets.pose_files import read_camera, read_pose
 from moveit6d.datasets.video import open_frames
 
 
@@ -36,7 +36,8 @@ def track(mesh_file: Path, video: Path, camera_file: Path, start_file: Path) -> 
             continue
         x, y, z = result.pose.translation.tolist()
         print(
-            f"frame {frame.index}: x {x:+.3f}  y {y:+.3f}  z {z:.3f} m, {result.steps} steps, "
+            f"frame {frame.index}: x {x:+.3f}  y {y:+.3f}  z {z:.3f} m, {result.iterations} "
+            "iterations, "
             f"confidence {result.confidence:.2f}, {result.milliseconds:.0f} ms"
         )
 

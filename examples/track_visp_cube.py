@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from moveit6d import Camera, InputError, Mesh, Pose
 from moveit6d.cli.main import main as moveit6d
-from moveit6d.datasets.files import (
+from moveit6d.datasets.pose_files import (
     POSE_COLUMNS,
     PoseRow,
     read_poses,
@@ -49,7 +49,7 @@ def main() -> int:
     )
     parser.add_argument("--visp", type=Path, required=True, help="the unpacked visp-images-data")
     parser.add_argument("--output", type=Path, required=True, help="folder for the results")
-    # Whatever else is given goes to `moveit6d track`: --weights, --threads, --max_steps …
+    # Whatever else is given goes to `moveit6d track`: --weights, --threads, --max_iterations …
     args, options = parser.parse_known_args()
     found = sorted(args.visp.rglob("mbt/cube.cao"))
     if not found:

@@ -2,7 +2,7 @@
 # Measure the shipped model on the evaluation data and write docs/results/ anew.
 #
 #   tools/results.sh SHARED [sequences|videos|images|rendered|options|single_actions|no_depth|
-#                            paper_network|stand_ins|cycle|oracle ...]
+#                            paper_network|stand_ins|iteration|oracle ...]
 #
 # SHARED holds bench/ and data/ (see docs/results/README.md). Without names, all of them: about an
 # hour on two cores. Nothing of this data is used for training.
@@ -46,7 +46,7 @@ images() {
         run evaluate bop --dataset "$data" --split test \
             --results "$work/initial_$start.csv" "$work/refined_$start.csv"
     done
-    run refine --dataset "$data" --split test --initial "$work/initial_small.csv" --no_regions \
+    run refine --dataset "$data" --split test --initial "$work/initial_small.csv" --no_contour \
         --output "$work/small_without_outline.csv"
     run evaluate bop --dataset "$data" --split test --results "$work/small_without_outline.csv"
     for start in refined_small small_without_outline; do
@@ -54,8 +54,8 @@ images() {
     done
 }
 contrast() { # whether these poses or the true ones fit the pictures better
-    shown .venv/bin/python tools/outline_contrast.py "$@"
-    .venv/bin/python tools/outline_contrast.py "$@"
+    shown .venv/bin/python tools/contour_contrast.py "$@"
+    .venv/bin/python tools/contour_contrast.py "$@"
     printf '\n'
 }
 rendered() {
@@ -82,19 +82,19 @@ options() {
     printf 'without other starts in doubt; without what the first frame teaches; without the last word '
     printf 'of the outline as well.\n\n'
     for start in "all_small 0" "all_large 0"; do
-        one_rendered "$start" --no_regions
-        one_rendered "$start" --no_regions --single_actions
+        one_rendered "$start" --no_contour
+        one_rendered "$start" --no_contour --single_actions
     done
-    one_rendered "all_large 1" --no_search
-    run benchmark tracking --sequences "$shared/bench/sequences" --no_learning
-    run benchmark tracking --sequences "$shared/bench/sequences" --no_learning --no_regions
+    one_rendered "all_large 1" --no_multi_start
+    run benchmark tracking --sequences "$shared/bench/sequences" --no_calibration
+    run benchmark tracking --sequences "$shared/bench/sequences" --no_calibration --no_contour
 }
 single_actions() {
     local data=$shared/data/real/lmo_dev start
-    local mode=(--single_actions --no_regions)
-    printf '# The paper'"'"'s policy: one of 13 actions a cycle\n\nThe shipped network without what goes '
+    local mode=(--single_actions --no_contour)
+    printf '# The paper'"'"'s policy: one of 13 actions an iteration\n\nThe shipped network without what goes '
     printf 'past the paper: outline, search, and what the first frame teaches.\n\n'
-    both_tracked "${mode[@]}" --no_learning
+    both_tracked "${mode[@]}" --no_calibration
     for start in small large keypoint_rgb; do
         run refine --dataset "$data" --split test --initial "$data/initial_$start.csv" \
             --output "$work/$start.csv" "${mode[@]}" --jobs 2
@@ -111,10 +111,10 @@ paper_network() {
     local weights=(--weights examples/paper_network/multi_object.safetensors) start
     printf '# The paper'"'"'s own network on many objects\n\n'
     for start in "one_large 0" "all_small 0" "all_large 0"; do
-        one_rendered "$start" "${weights[@]}" --no_regions --max_steps 150
+        one_rendered "$start" "${weights[@]}" --no_contour --max_iterations 150
     done
-    run benchmark tracking --sequences "$shared/bench/sequences" "${weights[@]}" --no_regions \
-        --no_learning --jobs 2
+    run benchmark tracking --sequences "$shared/bench/sequences" "${weights[@]}" --no_contour \
+        --no_calibration --jobs 2
 }
 stand_ins() {
     local objects=$shared/data/dev_objects dino=gso_dino_figure_occlusion_0 boot=gso_boot_occlusion_0
@@ -141,12 +141,12 @@ stand_ins() {
 reproduce() { # its headings one level down, under ours
     run reproduce "$@" | sed 's/^#/##/'
 }
-cycle() {
-    printf '# Time of one cycle\n\n'
+iteration() {
+    printf '# Time of one iteration\n\n'
     local threads
     for threads in 1 2; do
-        plain benchmark cycle --threads "$threads"
-        plain benchmark cycle --threads "$threads" --float32
+        plain benchmark iteration --threads "$threads"
+        plain benchmark iteration --threads "$threads" --float32
     done
 }
 oracle() {
@@ -155,7 +155,7 @@ oracle() {
     plain benchmark oracle --starts 100 --renderer pyrender  # software OpenGL is slow
 }
 
-for name in "${@:-sequences videos images rendered options single_actions no_depth paper_network stand_ins cycle oracle}"; do
+for name in "${@:-sequences videos images rendered options single_actions no_depth paper_network stand_ins iteration oracle}"; do
     for section in $name; do
         "$section" >"$work/$section.md"
         mv "$work/$section.md" "docs/results/$section.md"

@@ -15,11 +15,12 @@ LIGHTNING = ROOT / "lightning_modules"
 # From the bottom up; a room may import from lower floors and from its own floor.
 FLOORS = (
     ("errors",),
+    ("io", "parallel", "typing", "config"),
     ("geometry",),
     ("actions",),
     ("rendering",),
     ("observation",),
-    ("regions",),
+    ("contour",),
     ("networks",),
     ("policies",),
     ("estimation",),

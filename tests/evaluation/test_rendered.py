@@ -7,7 +7,7 @@ from moveit6d.evaluation.plain_camera import CAMERA
 from moveit6d.evaluation.rendered import make_cases, run_cases
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.policies import MoveMode, OraclePolicy
+from moveit6d.policies import ActionMode, OraclePolicy
 from moveit6d.rendering.renderer import make_renderer
 
 GREY = [np.full((120, 160, 3), 128, np.uint8)]
@@ -34,7 +34,7 @@ def test_the_object_is_drawn_at_the_true_pose(brick: Mesh) -> None:
 def test_the_start_is_small_counts_away_and_the_oracle_finds_back(brick: Mesh) -> None:
     cases = some_cases(brick)
     truth = Pose.stack([brick.inner(case.truth) for case in cases])
-    policy = OraclePolicy(truth, MoveMode.ALL_AXES)
+    policy = OraclePolicy(truth, ActionMode.ALL_AXES)
     outcomes = list(run_cases(cases, policy, make_renderer(), 5))
     assert all(0.01 < outcome.before < 0.8 for outcome in outcomes)
     assert all(outcome.after < 1e-6 for outcome in outcomes)

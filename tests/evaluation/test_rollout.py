@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d.datasets.files import PoseRow
+from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.video import Frame
 from moveit6d.estimation import PoseTracker, StopReason, TrackingResult
 from moveit6d.evaluation.metrics import add
@@ -37,7 +37,11 @@ def test_good_frames_get_poses(scene: Any, tracker: PoseTracker) -> None:
         assert row.pose is not None and row.milliseconds is not None and row.milliseconds > 0
         assert float(add(row.pose, scene.pose(0), points)) < 0.003
         assert step.error is None and step.confident
-    assert steps[0].row.steps is not None and steps[0].row.steps > 2 and steps[1].row.steps == 1
+    assert (
+        steps[0].row.iterations is not None
+        and steps[0].row.iterations > 2
+        and steps[1].row.iterations == 1
+    )
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 import torch
 
-from moveit6d.datasets.files import PoseRow
+from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.sequences import read_sequences
 from moveit6d.errors import InputError
 from moveit6d.evaluation.tracking import (
@@ -61,8 +61,8 @@ def test_the_figures_of_a_track_with_errors(surface: Surface) -> None:
     truth = {frame: at(0.0) for frame in range(5)}
     rows = {
         0: PoseRow(0, pose=at(9.0)),  # given, never scored
-        1: PoseRow(1, pose=at(0.0), milliseconds=10.0, steps=2),
-        2: PoseRow(2, pose=at(0.015), milliseconds=30.0, steps=5),  # below 10 %, not 5 %
+        1: PoseRow(1, pose=at(0.0), milliseconds=10.0, iterations=2),
+        2: PoseRow(2, pose=at(0.015), milliseconds=30.0, iterations=5),  # below 10 %, not 5 %
         3: PoseRow(3, pose=at(5.0), milliseconds=20.0, reset=True),  # cut at one diameter
         4: PoseRow(4),  # no pose
     }
@@ -73,7 +73,7 @@ def test_the_figures_of_a_track_with_errors(surface: Surface) -> None:
     assert found.until_lost == 3 and not found.never_lost
     assert found.within_5cm_5deg == 0.5
     assert (found.resets, found.milliseconds, found.missing) == (1, 20.0, 1)
-    assert found.steps == 3.5
+    assert found.iterations == 3.5
 
 
 def test_a_symmetric_object_is_scored_by_add_s(brick: Mesh) -> None:
@@ -137,13 +137,16 @@ def test_the_comparison_puts_trackers_beside_each_other() -> None:
 
 
 def test_steps_have_a_column_where_a_track_counts_them() -> None:
-    counted = {"a_0": replace(some_score(1.0), steps=3.0), "a_1": replace(some_score(1.0), steps=8)}
+    counted = {
+        "a_0": replace(some_score(1.0), iterations=3.0),
+        "a_1": replace(some_score(1.0), iterations=8),
+    }
     levels = {"a_0": "a", "a_1": "a"}
     table = comparison_table({"rival": {"a_0": some_score(0.9)}, "ours": counted}, levels)
     head, _, *rows = [[cell.strip() for cell in line.split("|")] for line in table.splitlines()]
-    column = head.index("steps")
+    column = head.index("iterations")
     assert [row[column] for row in rows] == ["-", "5.5"]
-    assert "steps" not in tracking_table({"a_0": some_score(0.9)}, levels)
+    assert "iterations" not in tracking_table({"a_0": some_score(0.9)}, levels)
 
 
 @pytest.fixture(scope="module")

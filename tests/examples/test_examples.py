@@ -164,7 +164,7 @@ def test_your_video_example_runs(
 ) -> None:  # fmt: skip
     import track_my_video
 
-    from moveit6d.datasets.files import read_pose
+    from moveit6d.datasets.pose_files import read_pose
     from moveit6d.policies import OraclePolicy
 
     folder = write_sequence(tmp_path / "clip", mesh=brick, seed=1, frames=2, level="easy")
@@ -293,9 +293,9 @@ def test_weights_of_examples_are_what_their_folder_says(weights: Path) -> None:
     assert isinstance(network, ActionNet if is_papers else CorrelationNet)
     seen = an_observation(2)
     flat = replace(seen, depth=torch.zeros_like(seen.depth))
-    decide = InferenceNetwork(network, compute="float32")
+    predict = InferenceNetwork(network, compute="float32")
     # Whether the rendering's depth changes what it says.
-    assert torch.equal(decide(seen).logits, decide(flat).logits) is (
+    assert torch.equal(predict(seen).logits, predict(flat).logits) is (
         weights.parent.name == "no_depth"
     )
 

@@ -128,8 +128,8 @@ def test_two_processes_train_together_each_on_its_own_pairs(tmp_path: Path) -> N
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-3000:]
     ranks = [torch.load(tmp_path / f"rank{rank}.pt") for rank in (0, 1)]
-    for first, second in zip(ranks[0]["counts"], ranks[1]["counts"], strict=True):
+    for first, second in zip(ranks[0]["delta"], ranks[1]["delta"], strict=True):
         assert not torch.equal(first, second)
-    assert len(ranks[0]["counts"]) == 2
+    assert len(ranks[0]["delta"]) == 2
     assert ranks[0]["weights"].abs().sum() > 0
     assert torch.equal(ranks[0]["weights"], ranks[1]["weights"]), "one network in both"

@@ -42,7 +42,7 @@ def test_patches_are_observed_rendered_marked_and_masked(batch: TrainingBatch) -
 
 def test_covered_parts_are_dark_red(batch: TrainingBatch) -> None:
     hidden = TrainingBatch(
-        batch.observation, batch.counts, batch.true_depth, batch.true_mask,
+        batch.observation, batch.delta, batch.true_depth, batch.true_mask,
         torch.zeros_like(batch.visible), batch.clear, batch.mesh, batch.zoom, batch.rotation,
         batch.direction,
     )  # fmt: skip

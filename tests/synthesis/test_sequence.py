@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d.datasets.files import read_camera, read_pose
+from moveit6d.datasets.pose_files import read_camera, read_pose
 from moveit6d.datasets.sequences import read_sequences
 from moveit6d.errors import InputError
 from moveit6d.geometry.camera import Camera

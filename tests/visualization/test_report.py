@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from moveit6d.datasets.files import PoseRow
+from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.video import Frame
 from moveit6d.errors import InputError
 from moveit6d.rendering.renderer import make_renderer
@@ -47,7 +47,7 @@ def run(scene: Any) -> Run:
         for frame in range(1, 8)
     }
     rows[0] = PoseRow(0, pose=scene.pose(0))
-    rows[3] = replace(rows[3], confidence=0.2, steps=30, stopped_by="max_steps")
+    rows[3] = replace(rows[3], confidence=0.2, iterations=30, stopped_by="max_iterations")
     rows[5] = PoseRow(5, "5.png", stopped_by="failed")
     rows[6] = replace(rows[6], reset=True)
     return Run(
@@ -81,7 +81,7 @@ def test_without_truth_confidence_says_what_is_bad(run: Run) -> None:
     page = report_page(run, make_renderer())
     assert order(page)[:2] == [5, 3] and order(page)[-1] == 0 and len(order(page)) == 8
     assert worst_pictures(page)[:2] == [5, 3]
-    assert "ADD" not in page and "max_steps" in page and "30 steps" in page
+    assert "ADD" not in page and "max_iterations" in page and "30 steps" in page
     assert sorted(re.findall(r'<tr class="bad" id="f(\d)"', page)) == ["3", "5"]
 
 

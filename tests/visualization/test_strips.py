@@ -13,7 +13,7 @@ import pytest
 import torch
 from PIL import Image as Pillow
 
-from moveit6d.datasets.files import PoseRow
+from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.video import Frame, ImageFolder, Prefetched, read_image
 from moveit6d.geometry.pose import Pose
 from moveit6d.rendering.renderer import make_renderer

@@ -28,8 +28,8 @@ from .common import (
 
 if TYPE_CHECKING:
     from ..datasets.sequences import Sequence
-    from ..evaluation.jobs import Outcome
     from ..evaluation.tracking import Score
+    from ..parallel import Outcome
     from ..policies import Policy
     from ..rendering.renderer import Renderer
     from .sequence_job import SequenceJob, Tracked
@@ -74,8 +74,9 @@ examples:
 
 def add_kind(kinds: Any) -> None:
     """Add the kind to `moveit6d benchmark`."""
-    parser = add_verb(kinds, "tracking", "track whole sequences beside rivals", DESCRIPTION,
-                      EXAMPLES)  # fmt: skip
+    parser = add_verb(
+        kinds, "tracking", "track whole sequences beside rivals", DESCRIPTION, EXAMPLES
+    )
     parser.add_argument("--sequences", type=Path, required=True, metavar="DIR", help="data set")
     parser.add_argument("--format", choices=DATASET_FORMATS, help="if it is not recognised")
     parser.add_argument("--rivals", type=Path, metavar="DIR", help="a folder of CSV files a rival")
@@ -98,9 +99,9 @@ def add_kind(kinds: Any) -> None:
     add_tracking_options(parser)
     add_beyond_paper_options(parser)
     parser.add_argument(
-        "--no_learning",
+        "--no_calibration",
         action="store_true",
-        help="learn nothing from the first frame, whose pose is given",
+        help="no calibration from the first frame, whose pose is given",
     )
     parser.set_defaults(run=run)
 
@@ -235,7 +236,7 @@ class Bench:
             self._index("\n\n".join(tables), ours)
 
     def _outcomes(self, jobs: list[SequenceJob]) -> Iterator[Outcome[Tracked]]:
-        from ..evaluation.jobs import run_jobs
+        from ..parallel import run_jobs
         from . import sequence_job
 
         if self.args.ray is None and self.args.jobs == 1:
@@ -252,8 +253,9 @@ class Bench:
 
     def _finish(self, job: SequenceJob, found: Tracked) -> None:
         """Score a track and write what is kept of it, last the mark that it is whole."""
-        from ..datasets.files import replacing, write_json, write_poses
+        from ..datasets.pose_files import write_poses
         from ..evaluation.benchmark import OWN_COLUMNS, score_track
+        from ..io import replacing, write_json
 
         name = job.sequence.name
         score = score_track(job.sequence, found.rows, job.count_resets)
@@ -276,8 +278,8 @@ class Bench:
 
     def _kept(self, job: SequenceJob) -> Tracked | None:
         """The track that --output holds already, if it is whole and was made the same way."""
-        from ..datasets.files import read_json
         from ..evaluation.tracking import read_track
+        from ..io import read_json
         from .reporting import Gathered
         from .sequence_job import Tracked, page_of
 
@@ -302,11 +304,11 @@ class Bench:
         return {
             **weights_facts(self.args.weights),
             "renderer": job.setting.renderer,
-            "max_steps": job.setting.max_steps,
-            "search": job.setting.search,
-            "regions": job.setting.regions,
+            "max_iterations": job.setting.max_iterations,
+            "multi_start": job.setting.multi_start,
+            "contour": job.setting.contour,
             "single_actions": job.setting.single_actions,
-            "learning": job.setting.learning,
+            "calibration": job.setting.calibration,
             "compute": job.setting.compute,
             "protocol": job.protocol.name,
             "first": job.sequence.first,
@@ -321,21 +323,24 @@ class Bench:
         """The page that leads to those of the sequences, the worst first."""
         from urllib.parse import quote
 
-        from ..datasets.files import replacing
         from ..evaluation.tables import percent
+        from ..io import replacing
         from ..visualization.report import index_page
 
         order = sorted(ours, key=lambda name: (ours[name].below_10, -ours[name].mean_add))
         head = ["sequence", "level", "frames", "ADD<10%d", "mean ADD mm", "lost at", "no pose"]
         rows = [
             [
-                (name, f"{quote(name)}.html"), self.levels[name], str(ours[name].frames),
-                percent(ours[name].below_10), f"{1000 * ours[name].mean_add:.1f}",
+                (name, f"{quote(name)}.html"),
+                self.levels[name],
+                str(ours[name].frames),
+                percent(ours[name].below_10),
+                f"{1000 * ours[name].mean_add:.1f}",
                 "never" if ours[name].never_lost else str(ours[name].until_lost),
                 str(ours[name].missing),
             ]
             for name in order
-        ]  # fmt: skip
+        ]
         table = {"heading": "Sequences, the worst first", "head": head, "rows": rows}
         facts = self.jobs[0].facts
         verdict = f"{len(ours)} sequences of {facts['data']}, protocol {facts['protocol']}"

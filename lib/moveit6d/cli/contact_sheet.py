@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
     import numpy as np
     from PIL import Image
 
-    from ..datasets.files import replacing
+    from ..io import replacing
     from ..synthesis.contact_sheet import contact_sheet
 
     use_threads(1)

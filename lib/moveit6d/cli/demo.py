@@ -42,8 +42,9 @@ examples:
 
 def add_parser(verbs: Any) -> None:
     """Add the verb."""
-    parser = add_verb(verbs, "demo", "make a clip, follow the object in it, print the error",
-                      DESCRIPTION, EPILOG)  # fmt: skip
+    parser = add_verb(
+        verbs, "demo", "make a clip, follow the object in it, print the error", DESCRIPTION, EPILOG
+    )
     parser.add_argument(
         "--output", type=Path, default=Path("demo"), metavar="DIR", help="folder for the results"
     )

@@ -22,7 +22,7 @@ def draw_step(step: Step, mesh: Mesh, camera: Camera, renderer: Renderer) -> Ima
     if row.pose is None:
         return draw_text(image, f"frame {row.frame}  no pose", RED)
     color = GREEN if step.confident else RED
-    steps = "1 step" if row.steps == 1 else f"{row.steps} steps"
-    text = f"frame {row.frame}  confidence {row.confidence or 0:.2f}  {steps}"
+    iterations = "1 iteration" if row.iterations == 1 else f"{row.iterations} iterations"
+    text = f"frame {row.frame}  confidence {row.confidence or 0:.2f}  {iterations}"
     picture = draw_pose(image, mesh, row.pose, camera, renderer, color=color)
     return draw_text(picture, text, color)

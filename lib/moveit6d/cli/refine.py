@@ -84,7 +84,7 @@ def add_parser(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Refine image by image and write what was done, after Ctrl-C too."""
     from ..datasets.bop import BopDataset, by_image, read_results, write_results
-    from ..evaluation.jobs import run_jobs
+    from ..parallel import run_jobs
 
     dataset = BopDataset(args.dataset, args.split)
     initial = read_results(args.initial)
@@ -93,11 +93,14 @@ def run(args: argparse.Namespace) -> int:
     images = list(by_image(initial))
     jobs = [
         ImageJob(
-            args.dataset.resolve(), args.split, tuple(initial[row] for row in rows),
-            Setting.of(args), args.batch,
+            args.dataset.resolve(),
+            args.split,
+            tuple(initial[row] for row in rows),
+            Setting.of(args),
+            args.batch,
         )
         for _, rows in images
-    ]  # fmt: skip
+    ]
 
     def here(job: ImageJob) -> list[Estimate]:
         return refine_image(dataset, job, policy, renderer)
@@ -171,7 +174,7 @@ def refine_image(
     picture = dataset.image(scene, image)
     camera = dataset.camera(scene, image, (picture.shape[1], picture.shape[0]))
     start = time.perf_counter()
-    frame = prepare_frame(picture, camera)  # once, for the loop and for the last word
+    frame = prepare_frame(picture, camera)  # once, for the loop and for the contour refinement
     targets = [Target(frame, camera, dataset.mesh(e.object), e.pose) for e in estimates]
     results: list[TrackingResult] = []
     for first in range(0, len(targets), job.batch):
@@ -204,9 +207,13 @@ def _refine(
 
     try:
         return refine_single(
-            targets, policy=policy, renderer=renderer, max_steps=setting.max_steps,
-            search=setting.search, regions=setting.regions,
-        )  # fmt: skip
+            targets,
+            policy=policy,
+            renderer=renderer,
+            max_iterations=setting.max_iterations,
+            multi_start=setting.multi_start,
+            contour=setting.contour,
+        )
     except InputError as error:
         if len(targets) == 1:
             return [TrackingResult(None, 0, StopReason.FAILED, 0.0, 0.0, str(error))]

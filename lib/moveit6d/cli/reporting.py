@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 
 if TYPE_CHECKING:
-    from ..datasets.files import PoseRow
+    from ..datasets.pose_files import PoseRow
     from ..datasets.sequences import Sequence
     from ..datasets.video import FrameSource
     from ..evaluation.rollout import Step
@@ -63,7 +63,7 @@ def reporting(
 
     Nothing but gathering without a path.
     """
-    from ..estimation.hypotheses import DOUBTFUL
+    from ..estimation.track_state import LOW_CONFIDENCE
 
     gathered = Gathered()
     try:
@@ -76,9 +76,14 @@ def reporting(
             run = Run(
                 title=mesh.name,
                 verdict=f"{len(gathered.rows)} frames, {missing} without a pose",
-                mesh=mesh, camera=camera, frames=frames, rows=gathered.rows, facts=facts,
-                failures=gathered.failures, doubtful=DOUBTFUL,
-            )  # fmt: skip
+                mesh=mesh,
+                camera=camera,
+                frames=frames,
+                rows=gathered.rows,
+                facts=facts,
+                failures=gathered.failures,
+                doubtful=LOW_CONFIDENCE,
+            )
             write_report(path, run, renderer)
 
 
@@ -102,7 +107,7 @@ def sequence_page(
     renderer: Renderer,
 ) -> str:
     """The page of one sequence; errors are against `truth`, the first of which is not counted."""
-    from ..estimation.hypotheses import DOUBTFUL
+    from ..estimation.track_state import LOW_CONFIDENCE
     from ..evaluation.tracking import Surface, frame_errors
     from ..visualization.report import Run, report_page
 
@@ -112,10 +117,16 @@ def sequence_page(
     run = Run(
         title=sequence.name,
         verdict="too few true poses to score" if score is None else verdict(score),
-        mesh=mesh, camera=sequence.camera, frames=sequence.open(), rows=gathered.rows,
-        facts=facts, truth=sequence.truth, errors={error.frame: error for error in errors},
-        failures=gathered.failures, doubtful=DOUBTFUL,
-    )  # fmt: skip
+        mesh=mesh,
+        camera=sequence.camera,
+        frames=sequence.open(),
+        rows=gathered.rows,
+        facts=facts,
+        truth=sequence.truth,
+        errors={error.frame: error for error in errors},
+        failures=gathered.failures,
+        doubtful=LOW_CONFIDENCE,
+    )
     return report_page(run, renderer)
 
 

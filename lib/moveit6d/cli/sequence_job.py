@@ -15,7 +15,7 @@ from .common import Setting, complaining, progress, tools
 from .reporting import Gathered, rerun_log, sequence_page
 
 if TYPE_CHECKING:
-    from ..datasets.files import PoseRow
+    from ..datasets.pose_files import PoseRow
     from ..datasets.sequences import Sequence
     from ..evaluation.protocols import Protocol
     from ..evaluation.rollout import Step
@@ -70,13 +70,18 @@ def track_job(
 
     def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker:
         return PoseTracker(
-            mesh, camera, start, policy=policy, renderer=renderer,
-            max_steps=job.setting.max_steps, search=job.setting.search,
-            regions=job.setting.regions,
-        )  # fmt: skip
+            mesh,
+            camera,
+            start,
+            policy=policy,
+            renderer=renderer,
+            max_iterations=job.setting.max_iterations,
+            multi_start=job.setting.multi_start,
+            contour=job.setting.contour,
+        )
 
     gathered = Gathered()
-    steps = run_sequence(job.sequence, make_tracker, job.protocol, job.setting.learning)
+    steps = run_sequence(job.sequence, make_tracker, job.protocol, job.setting.calibration)
     watched = _with_bar(job.sequence, steps) if bar else steps
     gathered.rows = gather(job.sequence, _drawn(job, watched, renderer, gathered), path)
     return Tracked(gathered.rows, page_of(job, gathered, renderer) if job.page else None)

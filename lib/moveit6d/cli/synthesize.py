@@ -54,8 +54,9 @@ MADE_OBJECTS = 4  # of a stand-in without --mesh
 def add_parser(verbs: Any) -> None:
     """Add the verb."""
     parser = add_verb(verbs, "synthesize", "make sequences with true poses", DESCRIPTION, EPILOG)
-    parser.add_argument("what", nargs="?", choices=("sequence",), default="sequence",
-                        help=argparse.SUPPRESS)  # fmt: skip
+    parser.add_argument(
+        "what", nargs="?", choices=("sequence",), default="sequence", help=argparse.SUPPRESS
+    )
     parser.add_argument("--output", type=Path, required=True, metavar="DIR", help="new folder")
     parser.add_argument("--format", choices=FORMATS, default="folders", help="how it is stored")
     parser.add_argument(
@@ -69,9 +70,12 @@ def add_parser(verbs: Any) -> None:
         "--count", type=positive, default=1, metavar="N", help="sequences, or scenes for ycbv"
     )
     parser.add_argument(
-        "--occlusion", type=int, nargs="+", metavar="PERCENT",
+        "--occlusion",
+        type=int,
+        nargs="+",
+        metavar="PERCENT",
         help="shares of the object that are hidden, for laval (default: 0 15 30 45)",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--photos", type=Path, metavar="DIR", help="pictures for backgrounds instead of made ones"
     )

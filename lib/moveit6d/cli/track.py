@@ -86,7 +86,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--exact_start",
         action="store_true",
-        help="the start pose is exact: learn the object's looks from the first frame",
+        help="the start pose is exact: calibrate from the first frame",
     )
     parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
@@ -98,10 +98,10 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Track and write."""
-    from ..datasets.files import PoseWriter, read_camera, read_pose
+    from ..datasets.pose_files import PoseWriter, read_camera, read_pose
     from ..datasets.video import LiveCamera, Prefetched, open_frames
     from ..estimation import PoseTracker
-    from ..evaluation.rollout import Record, follow, learning
+    from ..evaluation.rollout import Record, calibrating, follow
     from ..geometry.mesh import Mesh
     from .drawing import draw_step
 
@@ -111,9 +111,15 @@ def run(args: argparse.Namespace) -> int:
     check_report(args.report, frames)
     policy, renderer = set_up(args)
     tracker = PoseTracker(
-        mesh, camera, start, policy=policy, renderer=renderer,
-        max_steps=args.max_steps, search=not args.no_search, regions=not args.no_regions,
-    )  # fmt: skip
+        mesh,
+        camera,
+        start,
+        policy=policy,
+        renderer=renderer,
+        max_iterations=args.max_iterations,
+        multi_start=not args.no_multi_start,
+        contour=not args.no_contour,
+    )
     output = new_folder(args.output)
     record = Record()
     with (
@@ -126,7 +132,7 @@ def run(args: argparse.Namespace) -> int:
         # A camera read ahead would show the past.
         ahead = frames if isinstance(frames, LiveCamera) else Prefetched(frames)
         watched = progress(ahead, frames.length, "track")
-        known = learning(tracker, watched) if args.exact_start else watched
+        known = calibrating(tracker, watched) if args.exact_start else watched
         for step in complaining(follow(tracker, known)):
             table.write(step.row)
             record.add(step)
@@ -141,16 +147,18 @@ def run(args: argparse.Namespace) -> int:
 def _about(args: argparse.Namespace) -> dict[str, str]:
     """What a report says of the command."""
     return {
-        "object": str(args.mesh), "video": str(args.video), "start": str(args.start),
+        "object": str(args.mesh),
+        "video": str(args.video),
+        "start": str(args.start),
         **{name: str(value) for name, value in weights_facts(args.weights).items()},
         "moveit6d": versions()["moveit6d"],
-    }  # fmt: skip
+    }
 
 
 @contextmanager
 def _summary(path: Path, record: Record, args: argparse.Namespace) -> Iterator[None]:
     """Write the summary when the block ends, however it ends, if there was a frame."""
-    from ..datasets.files import write_json
+    from ..io import write_json
 
     interrupted = False
     try:

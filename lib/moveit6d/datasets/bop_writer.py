@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
+from ..io import replacing, write_json
 from .bop import TARGETS, Instance
-from .files import replacing, write_json
 from .surfaces import write_ply
 from .video import Image
 

@@ -21,7 +21,7 @@ from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from .files import replacing
+from ..io import replacing
 from .sequences import Sequence
 from .surfaces import write_obj
 from .video import Image

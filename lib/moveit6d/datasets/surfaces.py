@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.mesh import METRES, Mesh
-from .files import replacing
+from ..io import replacing
 
 # BOP's own loader knows only these names of types, not float32 and int32.
 PLY_NAMES = {"f4": "float", "u1": "uchar"}

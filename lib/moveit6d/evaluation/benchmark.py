@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..datasets.files import RESULT_COLUMNS, PoseRow, PoseWriter
+from ..datasets.pose_files import RESULT_COLUMNS, PoseRow, PoseWriter
 from ..datasets.sequences import Sequence
 from ..datasets.video import Frame
 from ..errors import InputError
@@ -20,7 +20,7 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from .protocols import NO_RESET, Protocol, follow_protocol, is_given
-from .rollout import Step, learning
+from .rollout import Step, calibrating
 from .tracking import Score, Surface, read_track, score
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def run_sequence(
     sequence: Sequence,
     make_tracker: MakeTracker,
     protocol: Protocol = NO_RESET,
-    learn: bool = True,
+    calibrate: bool = True,
 ) -> Iterator[Step]:
     """Track one sequence from its start pose: one step for each frame after the first.
 
@@ -44,8 +44,8 @@ def run_sequence(
     """
     tracker = make_tracker(sequence.load_mesh(), sequence.camera, sequence.start)
     frames: Iterable[Frame] = (f for f in sequence.open() if f.index >= sequence.first)
-    if learn:
-        frames = learning(tracker, frames)
+    if calibrate:
+        frames = calibrating(tracker, frames)
     later = (frame for frame in frames if frame.index > sequence.first)
     yield from follow_protocol(tracker, later, sequence.truth, protocol)
 

@@ -15,10 +15,10 @@ import torch
 from torch import Tensor
 
 from ..datasets.bop import TARGETS, BopDataset, BopTarget, Estimate, Instance
-from ..datasets.files import read_json
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh, convex_hull
+from ..io import read_json
 from ..rendering.renderer import Renderer
 from . import metrics
 from .bop_matching import PIXELS, SHARES, best_scored, matched_counts, most_visible

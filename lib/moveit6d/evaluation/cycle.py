@@ -21,7 +21,7 @@ from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3
 from ..observation import observe
-from ..policies import Policy, Situation, choose_move
+from ..policies import LoopState, Policy, to_action
 from ..rendering.renderer import Renderer
 from .plain_camera import CAMERA
 
@@ -61,7 +61,7 @@ def time_cycle(
         taken.append(_parts(mesh, centred, frame.pixels, policy, renderer))
         begin = time.perf_counter()
         target = Target(frame, CAMERA, mesh, mesh.outer(centred[0]))
-        refine_batch([target], policy=policy, renderer=renderer, max_steps=1)
+        refine_batch([target], policy=policy, renderer=renderer, max_iterations=1)
         wholes.append(1e3 * (time.perf_counter() - begin))
     table = np.array(taken[WARM_UP:])
     medians = dict(zip(PARTS, np.median(table, 0).tolist(), strict=True))
@@ -84,8 +84,8 @@ def _parts(
     moments.append(time.perf_counter())
     seen = observe(patch[None], gbuffer, view, diameter)
     moments.append(time.perf_counter())
-    decision = policy.decide(seen, Situation(pose, diameter, torch.arange(1)))
+    prediction = policy.predict(seen, LoopState(pose, diameter, torch.arange(1)))
     moments.append(time.perf_counter())
-    choose_move(decision, policy.mode).apply(pose, diameter, policy.crop)
+    to_action(prediction, policy.mode).apply_centred(pose, diameter, policy.crop)
     moments.append(time.perf_counter())
     return [1e3 * (end - start) for start, end in itertools.pairwise(moments)]

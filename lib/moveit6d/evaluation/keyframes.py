@@ -18,10 +18,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ..datasets.files import replacing
 from ..datasets.ycbv import SYMMETRIC
 from ..errors import InputError
 from ..geometry.pose import Pose
+from ..io import replacing
 from . import auc, metrics
 from .tables import markdown
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
-from ..datasets.files import RESULT_COLUMNS, PoseRow
+from ..datasets.pose_files import RESULT_COLUMNS, PoseRow
 from ..datasets.video import Frame
 from ..errors import InputError
 from ..geometry.pose import Pose
@@ -50,7 +50,7 @@ class Protocol:
     reset_every: int | None = None
     reset_on: Literal["rbot", "laval"] | None = None
     count_resets: bool = False
-    max_steps: int = 30
+    max_iterations: int = 30
 
     def __post_init__(self) -> None:
         if self.reset_every is not None and self.reset_every < 1:
@@ -97,7 +97,7 @@ def follow_protocol(
         if due and true is not None and _reset(tracker, true):
             due = False
             watch.bad = 0
-            row = PoseRow(frame.index, frame.name, true, steps=0, stopped_by=GIVEN, reset=True)
+            row = PoseRow(frame.index, frame.name, true, iterations=0, stopped_by=GIVEN, reset=True)
             yield Step(frame, row)
             continue
         (step,) = follow(tracker, (frame,))

@@ -22,7 +22,7 @@ from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
 from ..policies import Policy
 from ..rendering.renderer import Renderer
-from ..synthesis.clusters import ClusterConfig, draw_counts
+from ..synthesis.clusters import ClusterConfig, draw_delta
 from ..synthesis.lighting import LightConfig, light
 from .metrics import add
 from .plain_camera import CAMERA
@@ -58,8 +58,8 @@ def make_cases(
         mesh = meshes[k % len(meshes)]
         truth = _random_pose(mesh, random, generator)
         diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
-        counts = torch.from_numpy(draw_counts(random, ClusterConfig(), cluster))
-        start = PoseAction.of(counts).apply(truth, diameter)
+        delta = torch.from_numpy(draw_delta(random, ClusterConfig(), cluster))
+        start = PoseAction.from_delta(delta).apply_centred(truth, diameter)
         photo = photos[int(random.integers(len(photos)))]
         picture = _photo(photo)
         picture = _put(picture, mesh, truth, renderer, generator)
@@ -76,10 +76,10 @@ def run_cases(
     cases: Sequence[Case],
     policy: Policy,
     renderer: Renderer,
-    max_steps: int | None = None,
+    max_iterations: int | None = None,
     batch: int = 16,
-    search: bool = False,
-    regions: bool = False,
+    multi_start: bool = False,
+    contour: bool = False,
 ) -> Iterator[Outcome]:
     """Refine the cases in batches, as `PoseEstimator` does, and measure them."""
     points: dict[Mesh, Tensor] = {}
@@ -87,8 +87,8 @@ def run_cases(
         part = cases[begin : begin + batch]
         targets = [case.target for case in part]
         results = refine_single(
-            targets, policy=policy, renderer=renderer, max_steps=max_steps,
-            search=search, regions=regions,
+            targets, policy=policy, renderer=renderer, max_iterations=max_iterations,
+            multi_start=multi_start, contour=contour,
         )  # fmt: skip
         for case, result in zip(part, results, strict=True):
             mesh = case.target.mesh

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..datasets.files import PoseRow
+from ..datasets.pose_files import PoseRow
 from ..datasets.video import Frame
 from ..errors import InputError
-from ..estimation.hypotheses import DOUBTFUL
+from ..estimation.track_state import LOW_CONFIDENCE
 from .metrics import LOST_RUN
 
 if TYPE_CHECKING:
@@ -36,10 +36,10 @@ class Step:
     @property
     def confident(self) -> bool:
         """Whether there is a pose that the tracker itself believes."""
-        return self.row.pose is not None and (self.row.confidence or 0.0) >= DOUBTFUL
+        return self.row.pose is not None and (self.row.confidence or 0.0) >= LOW_CONFIDENCE
 
 
-def learning(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Frame]:
+def calibrating(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Frame]:
     """The frames, from the first of which the tracker learns: its start pose is exact there.
 
     A first frame that it cannot learn from is passed on like the others, for `follow` to say why.
@@ -47,7 +47,7 @@ def learning(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Frame]:
     for number, frame in enumerate(frames):
         if number == 0 and frame.image is not None:
             with suppress(InputError):
-                tracker.learn(frame.image)
+                tracker.calibrate(frame.image)
         yield frame
 
 
@@ -65,7 +65,7 @@ def follow(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Step]:
             frame=frame.index,
             image=frame.name,
             pose=result.pose,
-            steps=result.steps,
+            iterations=result.iterations,
             stopped_by=result.stopped_by.value,
             confidence=result.confidence,
             milliseconds=result.milliseconds,

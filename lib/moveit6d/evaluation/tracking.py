@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..datasets.files import PoseRow, by_frame, read_poses
+from ..datasets.pose_files import PoseRow, by_frame, read_poses
 from ..errors import InputError
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
@@ -82,7 +82,7 @@ class Score:
     resets: int
     milliseconds: float | None
     missing: int
-    steps: float | None = None
+    iterations: float | None = None
 
     @property
     def never_lost(self) -> bool:
@@ -121,7 +121,7 @@ def score(found: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: Surf
     near = [error.translation < 0.05 and error.rotation < 5 for error in errors]
     rows = [found[error.frame] for error in errors if error.frame in found]
     times = _known(row.milliseconds for row in rows)
-    steps = _known(row.steps for row in rows)
+    iterations = _known(row.iterations for row in rows)
     cut = add.clamp_max(surface.diameter)
     limit = metrics.ADD_LIMIT * surface.diameter
     return Score(
@@ -135,7 +135,7 @@ def score(found: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: Surf
         resets=sum(row.reset for row in rows),
         milliseconds=float(np.median(times)) if times else None,
         missing=int(torch.isinf(add).sum()),
-        steps=float(np.median(steps)) if steps else None,
+        iterations=float(np.median(iterations)) if iterations else None,
     )
 
 
@@ -200,24 +200,33 @@ class _Columns:
     """The columns of a table: those of resets and steps are there if a score has any."""
 
     resets: bool
-    steps: bool
+    iterations: bool
 
     @staticmethod
     def of(scores: Iterable[Score]) -> _Columns:
         known = list(scores)
         return _Columns(
-            any(score.resets for score in known), any(score.steps is not None for score in known)
+            any(score.resets for score in known),
+            any(score.iterations is not None for score in known),
         )
 
     @property
     def head(self) -> list[str]:
-        head = ["sequences", "ADD<10%d", "ADD<5%d", "mean ADD mm", "median ADD mm",
-                "frames until lost", "never lost", "5cm/5deg"]  # fmt: skip
-        return [*head, *["resets"] * self.resets, *["steps"] * self.steps, "ms/frame"]
+        head = [
+            "sequences",
+            "ADD<10%d",
+            "ADD<5%d",
+            "mean ADD mm",
+            "median ADD mm",
+            "frames until lost",
+            "never lost",
+            "5cm/5deg",
+        ]
+        return [*head, *["resets"] * self.resets, *["iterations"] * self.iterations, "ms/frame"]
 
     def cells(self, scores: Sequence[Score]) -> list[str]:
         times = _known(score.milliseconds for score in scores)
-        steps = _known(score.steps for score in scores)
+        iterations = _known(score.iterations for score in scores)
         cells = [
             str(len(scores)),
             percent(float(np.mean([score.below_10 for score in scores]))),
@@ -229,5 +238,5 @@ class _Columns:
             percent(float(np.mean([score.within_5cm_5deg for score in scores]))),
         ]
         cells += [str(sum(score.resets for score in scores))] * self.resets
-        cells += [f"{np.median(steps):g}" if steps else "-"] * self.steps
+        cells += [f"{np.median(iterations):g}" if iterations else "-"] * self.iterations
         return [*cells, f"{np.mean(times):.1f}" if times else "-"]

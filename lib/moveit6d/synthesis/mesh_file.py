@@ -9,8 +9,8 @@ from pathlib import Path
 
 from PIL import Image
 
-from ..datasets.files import replacing
 from ..geometry.mesh import Mesh
+from ..io import replacing
 
 
 def write_glb(path: Path, mesh: Mesh) -> None:

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ..actions import PoseAction, difference
+from ..actions import PoseAction, pose_delta
 from ..geometry.crop import PATCH_SIZE, Crop, crop_patches, view_of
 from ..geometry.mesh import Mesh, sphere_diameters
 from ..geometry.pose import Pose
@@ -24,9 +24,9 @@ from ..rendering.embree import EmbreeRenderer
 from ..rendering.renderer import GBuffer
 from ..rendering.shading import shade_plain
 from .augment import AugmentConfig, Dice
-from .clusters import ClusterConfig, draw_counts
+from .clusters import ClusterConfig, draw_delta
 from .composing import Composer
-from .equivalents import nearest_counts
+from .equivalents import nearest_delta
 from .hands import HandConfig
 from .lighting import LightConfig
 from .occluder_bank import BankConfig
@@ -67,7 +67,7 @@ class TrainingBatch:
     """
 
     observation: Observation
-    counts: Tensor
+    delta: Tensor
     true_depth: Tensor
     true_mask: Tensor
     visible: Tensor
@@ -102,10 +102,10 @@ class PairGenerator:
     def batch(self, size: int, cluster: str | None = None) -> TrainingBatch:
         """`size` new pairs, of one named cluster if given."""
         index = self.random.integers(len(self.meshes), size=size)
-        counts = np.stack([draw_counts(self.random, self.config.clusters, cluster) for _ in index])
-        return self.compose(torch.from_numpy(index), torch.from_numpy(counts))
+        delta = np.stack([draw_delta(self.random, self.config.clusters, cluster) for _ in index])
+        return self.compose(torch.from_numpy(index), torch.from_numpy(delta))
 
-    def compose(self, index: Tensor, counts: Tensor) -> TrainingBatch:
+    def compose(self, index: Tensor, delta: Tensor) -> TrainingBatch:
         """Pairs of the given meshes (B,) whose truth lies `counts` (B, 6) away from the start."""
         meshes = [self.meshes[int(i)] for i in index]
         zoom = self._zoom(len(meshes))
@@ -116,8 +116,8 @@ class PairGenerator:
         direction = self._directions(len(meshes))
         crop = self.config.crop
         start = Pose(rotation, _place(direction, distance * diameter))
-        truth = PoseAction.of(counts).apply(start, diameter, crop)
-        counts = nearest_counts(meshes, start, truth, diameter, crop)
+        truth = PoseAction.from_delta(delta).apply_centred(start, diameter, crop)
+        delta = nearest_delta(meshes, start, truth, diameter, crop)
         intrinsics = view_of(start, diameter, crop).intrinsics
         rendered = self.renderer.render(meshes, start, intrinsics)
         observed = self.renderer.render(meshes, truth, intrinsics)
@@ -128,7 +128,7 @@ class PairGenerator:
         rendering = self._rendering(rendered)
         observation = Observation(picture, rendering, relative, rendered.mask, distance.float())
         return TrainingBatch(
-            observation, counts.float(), true_depth, observed.mask, observed.mask * clear, clear,
+            observation, delta.float(), true_depth, observed.mask, observed.mask * clear, clear,
             index, zoom, rotation, direction.float(),
         )  # fmt: skip
 
@@ -143,9 +143,9 @@ class PairGenerator:
         depth = batch.observation.distance.double() * diameter
         start = Pose(batch.rotation, _place(batch.direction.double(), depth))
         crop = self.config.crop
-        truth = PoseAction.of(batch.counts.double()).apply(start, diameter, crop)
+        truth = PoseAction.from_delta(batch.delta.double()).apply_centred(start, diameter, crop)
         moves = self._sensible(moves.double(), start, truth, diameter)
-        moved = PoseAction.of(moves).apply(start, diameter, crop)
+        moved = PoseAction.from_delta(moves).apply_centred(start, diameter, crop)
         old, view = (view_of(pose, diameter, crop) for pose in (start, moved))
         here, goal = view.to_virtual(moved), view.to_virtual(truth)
         distance = view.distance / diameter
@@ -161,7 +161,7 @@ class PairGenerator:
             layers[:, :3], self._rendering(rendered), relative, rendered.mask, distance.float()
         )
         return TrainingBatch(
-            observation, nearest_counts(meshes, here, goal, diameter, crop).float(), true_depth,
+            observation, nearest_delta(meshes, here, goal, diameter, crop).float(), true_depth,
             observed.mask, observed.mask * clear, clear, batch.mesh, batch.zoom,
             here.rotation, (here.translation[:, :2] / here.translation[:, 2:]).float(),
         )  # fmt: skip
@@ -187,8 +187,8 @@ class PairGenerator:
         far = torch.tensor(self.config.farthest, dtype=torch.float64)
         moves = moves.clamp(-far, far)
         crop = self.config.crop
-        moved = PoseAction.of(moves).apply(start, diameter, crop)
-        left = difference(moved, truth, diameter, crop).abs()
+        moved = PoseAction.from_delta(moves).apply_centred(start, diameter, crop)
+        left = pose_delta(moved, truth, diameter, crop).abs()
         keep = (left <= far).all(-1) & (moved.translation[:, 2] > 1.5 * diameter)
         return moves * keep[:, None]
 

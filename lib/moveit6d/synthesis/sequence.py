@@ -16,11 +16,12 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..datasets.files import POSE_COLUMNS, replacing_folder, write_camera, write_json, write_pose
+from ..datasets.pose_files import POSE_COLUMNS, write_camera, write_pose
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..io import replacing_folder, write_json
 from ..rendering.renderer import make_renderer
 from .levels import Level, find_level
 from .mesh_file import write_glb

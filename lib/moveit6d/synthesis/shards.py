@@ -19,9 +19,9 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from ..datasets.files import read_json, replacing, write_json
 from ..errors import InputError
 from ..geometry.mesh import Mesh
+from ..io import read_json, replacing, write_json
 from ..observation import Observation
 from .pairs import TrainingBatch
 from .source import PairSource
@@ -139,7 +139,7 @@ def read_shard(path: Path, batch_size: int) -> Iterator[TrainingBatch]:
     try:
         with safe_open(path, "pt") as file:
             slices = {name: file.get_slice(name) for name in file.keys()}  # noqa: SIM118
-            count = slices["counts"].get_shape()[0]
+            count = slices["delta"].get_shape()[0]
             for start in range(0, count - batch_size + 1, batch_size):
                 end = start + batch_size
                 yield _unpacked({name: part[start:end] for name, part in slices.items()})
@@ -188,7 +188,7 @@ def _packed(batch: TrainingBatch) -> dict[str, Tensor]:
         "true_mask": _bits(batch.true_mask),
         "clear": _bits(batch.clear),
         "distance": seen.distance,
-        "counts": batch.counts,
+        "delta": batch.delta,
         "mesh": batch.mesh,
         "zoom": batch.zoom,
         "rotation": batch.rotation,
@@ -203,7 +203,7 @@ def _unpacked(stored: dict[str, Any]) -> TrainingBatch:
         stored["depth"].float(), mask, stored["distance"],
     )  # fmt: skip
     return TrainingBatch(
-        observation, stored["counts"], stored["true_depth"].float(), true_mask, true_mask * clear,
+        observation, stored["delta"], stored["true_depth"].float(), true_mask, true_mask * clear,
         clear, stored["mesh"], stored["zoom"], stored["rotation"], stored["direction"],
     )  # fmt: skip
 

@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..datasets.catalog import STAND_IN
-from ..datasets.files import replacing_folder, write_json
 from ..datasets.laval import write_laval_sequence
 from ..datasets.ycbv import CAMERAS, write_ycbv_scene
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..io import replacing_folder, write_json
 from .levels import Level, find_level
 from .sequence import Scene, Shot
 

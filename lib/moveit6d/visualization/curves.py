@@ -27,7 +27,7 @@ class Curves:
     frames: Sequence[int]
     error: Sequence[float]
     confidence: Sequence[float]
-    steps: Sequence[float]
+    iterations: Sequence[float]
     missing: Sequence[int]
     resets: Sequence[int]
 
@@ -38,7 +38,8 @@ def curves_svg(curves: Curves, doubtful: float) -> str:
     from matplotlib.figure import Figure
 
     drawn = {
-        "ADD, % of d": curves.error, "confidence": curves.confidence, "steps": curves.steps,
+        "ADD, % of d": curves.error, "confidence": curves.confidence,
+        "iterations": curves.iterations,
     }  # fmt: skip
     drawn = {name: values for name, values in drawn.items() if not all(map(math.isnan, values))}
     if not drawn:
@@ -81,7 +82,7 @@ def _draw(axis: Any, name: str, values: Sequence[float], curves: Curves, doubtfu
         axis.axvspan(first - 0.5, last + 0.5, color=ORANGE, alpha=0.25, linewidth=0)
     for frame in curves.resets:
         axis.axvline(frame, color=GREY, linewidth=0.8, linestyle=":")
-    if name == "steps":
+    if name == "iterations":
         axis.step(curves.frames, values, where="mid", color=INK, linewidth=1.0)
         axis.set_ylim(0, None)
         return

@@ -13,12 +13,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..datasets.files import PoseRow, replacing
+from ..datasets.pose_files import PoseRow
 from ..datasets.video import FrameSource
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..io import replacing
 from ..rendering.renderer import Renderer
 from . import page
 from .curves import Curves, curves_svg, limits
@@ -185,8 +186,8 @@ def _says(run: Run, frame: int) -> str:
         words.append(run.failures.get(frame, "no pose"))
     if row.confidence is not None:
         words.append(f"confidence {row.confidence:.2f}")
-    if row.steps is not None:
-        words.append("1 step" if row.steps == 1 else f"{row.steps} steps")
+    if row.iterations is not None:
+        words.append("1 step" if row.iterations == 1 else f"{row.iterations} steps")
     if row.stopped_by:
         words.append(row.stopped_by)
     return ", ".join(words) if words else "given"
@@ -201,7 +202,7 @@ def _curves(run: Run, frames: Sequence[int]) -> Curves:
             for frame in frames
         ],
         confidence=[math.nan if row.confidence is None else row.confidence for row in rows],
-        steps=[math.nan if row.steps is None else row.steps for row in rows],
+        iterations=[math.nan if row.iterations is None else row.iterations for row in rows],
         missing=[row.frame for row in rows if row.pose is None],
         resets=[row.frame for row in rows if row.reset],
     )
@@ -223,13 +224,13 @@ def _near_key(run: Run) -> str:
 def _table(run: Run) -> dict[str, Any]:
     """Every frame, the worst first."""
     truth = ["ADD mm", "ADD % d", "origin mm", "rotation °"] if run.errors else []
-    head = ["frame", *truth, "confidence", "steps", "stopped by", "ms", "what happened"]
+    head = ["frame", *truth, "confidence", "iterations", "stopped by", "ms", "what happened"]
     order = sorted(run.rows, key=lambda frame: (-run.badness[frame], frame))
     rows = []
     for frame in order:
         row = run.rows[frame]
         cells = [str(frame), *(_errors(run, frame) if truth else [])]
-        cells += [_number(row.confidence, 2), _number(row.steps, 0), row.stopped_by]
+        cells += [_number(row.confidence, 2), _number(row.iterations, 0), row.stopped_by]
         cells += [_number(row.milliseconds, 1), _happened(run, row)]
         rows.append(
             {"frame": frame, "bad": run.bad(frame), "says": f"frame {frame}: {_says(run, frame)}",

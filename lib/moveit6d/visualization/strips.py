@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from ..datasets.files import PoseRow
+from ..datasets.pose_files import PoseRow
 from ..datasets.video import Frame, FrameSource, Image, ImageList, Prefetched, read_image
 from ..errors import InputError
 from ..geometry.camera import Camera

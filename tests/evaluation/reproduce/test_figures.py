@@ -10,16 +10,16 @@ import pytest
 import torch
 
 from moveit6d.datasets.sequences import Sequence, read_sequences
-from moveit6d.estimation import Judge, PoseDetector, SearchConfig
+from moveit6d.estimation import DetectorConfig, PoseDetector, SelectionCriterion
 from moveit6d.evaluation.cycle import CycleTimes
 from moveit6d.evaluation.reproduce import attention, detection, runtime
 from moveit6d.evaluation.reproduce.outcome import Sheet
 from moveit6d.evaluation.reproduce.tracks import Track
 from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.pose import Pose
-from moveit6d.networks.decision import Decision
+from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import MoveMode, OraclePolicy, Situation
+from moveit6d.policies import ActionMode, LoopState, OraclePolicy
 from moveit6d.rendering.renderer import make_renderer
 
 
@@ -46,14 +46,14 @@ def test_runtime_stands_beside_the_paper_without_rendering(video: Sequence) -> N
 class Looking:
     """A policy whose attention is 1 on the left half of the patch."""
 
-    mode = MoveMode.ALL_AXES
+    mode = ActionMode.ALL_AXES
     crop: Crop = "look_at"
 
-    def decide(self, seen: Observation, situation: Situation) -> Decision:
+    def predict(self, seen: Observation, state: LoopState) -> PolicyOutput:
         attention = torch.zeros(len(seen), 1, 16, 16)
         attention[..., :8] = 1
         zero = torch.zeros(len(seen), 6)
-        return Decision(torch.zeros(len(seen), 13), zero, torch.ones(len(seen)), attention)
+        return PolicyOutput(torch.zeros(len(seen), 13), zero, torch.ones(len(seen)), attention)
 
 
 def test_attention_is_measured_on_the_object_and_beside_it(video: Sequence) -> None:
@@ -77,24 +77,24 @@ def test_attention_is_measured_on_the_object_and_beside_it(video: Sequence) -> N
 
 def a_detector(video: Sequence) -> PoseDetector:
     mesh = video.load_mesh()
-    policy = OraclePolicy(Pose.stack([mesh.inner(video.start)] * 32), MoveMode.ALL_AXES)
-    search = SearchConfig(sizes=(0.4,), poses=1, sinks=1, rotations=2)
-    return PoseDetector(mesh, video.camera, search=search, policy=policy)
+    policy = OraclePolicy(Pose.stack([mesh.inner(video.start)] * 32), ActionMode.ALL_AXES)
+    config = DetectorConfig(sizes=(0.4,), poses=1, sinks=1, rotations=2)
+    return PoseDetector(mesh, video.camera, config=config, policy=policy)
 
 
-def test_detection_is_judged_in_both_ways(video: Sequence) -> None:
+def test_detection_is_scored_by_both_criteria(video: Sequence) -> None:
     detector = a_detector(video)
     ((trial, image, found),) = detection.run([video], {video.name: detector}, 1)
     assert trial.rank == 1 and trial.size == pytest.approx(1, abs=0.7)
     assert max(trial.add.values()) < 1e-6 and trial.best < 1e-6 and trial.seconds > 0
-    assert set(trial.rotation) == set(Judge)
-    steps, ways = detection.turned_starts(detector, image, video.truth[0], (-9.0, 0.0, 9.0))
-    assert steps[1] < steps[0] == steps[2]
+    assert set(trial.rotation) == set(SelectionCriterion)
+    iterations, ways = detection.turned_starts(detector, image, video.truth[0], (-9.0, 0.0, 9.0))
+    assert iterations[1] < iterations[0] == iterations[2]
     np.testing.assert_allclose(ways, (9, 0, 9), atol=1e-6)
-    example = detection.Example(image, found, (-9.0, 0.0, 9.0), steps, ways)
+    example = detection.Example(image, found, (-9.0, 0.0, 9.0), iterations, ways)
     outcome = detection.outcome([trial], example, "stand-in", {})
     summary = dict(row[:2] for row in outcome.tables[0].rows)
-    assert summary["ADD < 10 % d, judge steps, %"] == 100
+    assert summary["ADD < 10 % d, criterion iterations, %"] == 100
     assert summary["object is the strongest sink, %"] == 100
     sheet = outcome.charts[0]
     assert isinstance(sheet, Sheet)
@@ -106,14 +106,23 @@ def test_detection_is_judged_in_both_ways(video: Sequence) -> None:
 
 def test_an_object_that_no_sink_belongs_to_is_said(video: Sequence) -> None:
     trial = detection.Trial(
-        "v", 3, None, None, dict.fromkeys(Judge, float("inf")), dict.fromkeys(Judge, 180.0),
-        float("inf"), 1.0,
-    )  # fmt: skip
+        "v",
+        3,
+        None,
+        None,
+        dict.fromkeys(SelectionCriterion, float("inf")),
+        dict.fromkeys(SelectionCriterion, 180.0),
+        float("inf"),
+        1.0,
+    )
     detector = a_detector(video)
     example = detection.Example(
-        np.zeros((120, 160, 3), np.uint8), detector.detect(np.zeros((120, 160, 3), np.uint8)),
-        (0.0,), (1.0,), (float("nan"),),
-    )  # fmt: skip
+        np.zeros((120, 160, 3), np.uint8),
+        detector.detect(np.zeros((120, 160, 3), np.uint8)),
+        (0.0,),
+        (1.0,),
+        (float("nan"),),
+    )
     found = detection.outcome([trial], example, "stand-in", {})
     assert found.tables[1].rows[0][2:6] == (None, None, None, None)
     summary = dict(row[:2] for row in found.tables[0].rows)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 
-from moveit6d.datasets.files import PoseRow
+from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.sequences import Sequence, read_sequences
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseTracker
@@ -18,7 +18,7 @@ from moveit6d.evaluation.protocols import GIVEN, NO_RESET, PAPER, Protocol
 from moveit6d.evaluation.reproduce.tracks import Setting, run_tracks, scored
 from moveit6d.evaluation.rollout import Step
 from moveit6d.geometry.pose import Pose
-from moveit6d.policies import MoveMode, OraclePolicy
+from moveit6d.policies import ActionMode, OraclePolicy
 
 
 @pytest.fixture
@@ -39,8 +39,8 @@ class Counting:
 
     def __call__(self, mesh: Any, camera: Any, start: Any) -> PoseTracker:
         self.made += 1
-        policy = OraclePolicy(Pose.stack([mesh.inner(start)]), MoveMode.ALL_AXES)
-        return PoseTracker(mesh, camera, start, policy=policy, regions=False)
+        policy = OraclePolicy(Pose.stack([mesh.inner(start)]), ActionMode.ALL_AXES)
+        return PoseTracker(mesh, camera, start, policy=policy, contour=False)
 
 
 def setting(
@@ -54,7 +54,7 @@ def test_given_frames_do_not_count(video: Sequence) -> None:
     assert track.frames == (2, 3, 4)  # 0 is the start, 1 is given as the first of fifteen
     torch.testing.assert_close(track.estimate.translation, track.truth.translation)
     # The first frame is looked at as a whole, then closely; the others closely at once.
-    assert track.steps == (2, 1, 1) and min(track.milliseconds) > 0 and track.held == 0
+    assert track.iterations == (2, 1, 1) and min(track.milliseconds) > 0 and track.held == 0
     (free,) = run_tracks([video], setting(Counting(), None, NO_RESET), as_it_is)
     assert free.frames == (1, 2, 3, 4)
 
@@ -71,7 +71,7 @@ def test_a_frame_without_a_pose_keeps_the_last_one(video: Sequence) -> None:
     moved = Pose(video.start.rotation, video.start.translation + 0.01)
     rows = {
         1: PoseRow(1, pose=video.start, stopped_by=GIVEN, reset=True),
-        2: PoseRow(2, pose=moved, steps=3),
+        2: PoseRow(2, pose=moved, iterations=3),
         3: PoseRow(3),
     }
     track = scored(video, rows)
@@ -85,7 +85,7 @@ def test_tracks_are_kept_and_used_again(video: Sequence, tmp_path: Path) -> None
     again = list(run_tracks([video], setting(make, tmp_path / "t"), as_it_is))
     assert make.made == 1
     torch.testing.assert_close(first[0].estimate.matrix(), again[0].estimate.matrix())
-    assert first[0].frames == again[0].frames and first[0].steps == again[0].steps
+    assert first[0].frames == again[0].frames and first[0].iterations == again[0].iterations
 
 
 def test_tracks_of_another_setting_are_refused(video: Sequence, tmp_path: Path) -> None:

@@ -20,8 +20,8 @@ from ...geometry.pose import Pose
 from ...policies import DescriptorPolicy, Policy, load_policy
 from ...rendering.renderer import Renderer, make_renderer
 from ..frame import Frame, prepare_frame
-from ..last_word import last_word
-from ..loop import Target, TrackingResult, out_of_sight, refine_batch
+from ..contour_stage import refine_result
+from ..refine import Target, TrackingResult, out_of_sight, refine_batch
 from ..seeding import seed_poses
 from .config import DetectorConfig
 from .judge import Evidence, examine
@@ -242,7 +242,7 @@ class PoseDetector:
                     ],
                     policy=self.policy,
                     renderer=self.renderer,
-                    max_steps=iterations,
+                    max_iterations=iterations,
                 )
                 yield
         return results
@@ -260,7 +260,7 @@ class PoseDetector:
         for result in results:
             if result.pose is not None:
                 target = Target(frame, self.camera, self.mesh, result.pose)
-                alive.append(last_word(target, result, self.renderer)[0])
+                alive.append(refine_result(target, result, self.renderer)[0])
         evidence = examine(
             frame, self.mesh, [r.pose for r in alive if r.pose], self.policy, self.renderer
         )

@@ -17,8 +17,8 @@ from ...geometry.crop import View, crop_patch, view_of
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...observation import Observation, observe
-from ...policies import DescriptorPolicy, MoveMode, Situation
-from ...regions import polish
+from ...policies import ActionMode, DescriptorPolicy, LoopState
+from ...contour import refine_contour
 from ...rendering.renderer import Renderer
 from ..frame import Frame
 from .config import JudgeConfig
@@ -31,7 +31,7 @@ class Evidence:
 
     `confidence` is the policy's at this very pose; `similarity` the mean cosine of image's and
     rendering's descriptors over the object; `contour` the share of the outline where the colours
-    change sharply and in the right place; `movement` the largest of the six counts by which the
+    change sharply and in the right place; `movement` the largest of the six units by which the
     policy would still move; `correlation` of the grey values within the object, image against
     rendering.
     """
@@ -60,17 +60,17 @@ def examine(
     centred = Pose.stack([mesh.inner(pose.to(torch.float64)) for pose in poses])
     diameter = torch.full((len(poses),), mesh.sphere_diameter, dtype=torch.float64)
     seen = _observe(frame, mesh, centred, diameter, policy, renderer)
-    decision = policy.decide(seen, Situation(centred, diameter, torch.arange(len(poses))))
+    prediction = policy.predict(seen, LoopState(centred, diameter, torch.arange(len(poses))))
     movement = torch.zeros(len(poses))
-    if policy.mode is MoveMode.ALL_AXES and decision.counts is not None:
-        movement = decision.counts.abs().amax(-1).clamp(max=30.0)
+    if policy.mode is ActionMode.ALL_AXES and prediction.delta is not None:
+        movement = prediction.delta.abs().amax(-1).clamp(max=30.0)
     similarity, correlation = _similarity(seen, policy), _correlation(seen)
     matrix = frame.camera.matrix()
     return [
         Evidence(
-            float(decision.confidence[k]),
+            float(prediction.confidence[k]),
             float(similarity[k]),
-            polish(frame.pixels, matrix, mesh, centred[k], renderer).agreement,
+            refine_contour(frame.pixels, matrix, mesh, centred[k], renderer).agreement,
             float(movement[k]),
             float(correlation[k]),
         )

@@ -20,7 +20,7 @@ from ...datasets.video import Frame
 from ...errors import InputError
 from ...estimation import StopReason, Target, refine_batch
 from ...estimation.frame import prepare_frame
-from ...estimation.loop import out_of_sight
+from ...estimation.refine import out_of_sight
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...policies import Policy
@@ -51,7 +51,7 @@ class Trial:
     frame: int
     before: float
     after: float
-    steps: int
+    iterations: int
 
     @property
     def right(self) -> bool:
@@ -67,7 +67,7 @@ class Plan:
     readings: tuple[Reading, ...] = tuple(Reading)
     frames: int | None = None
     step: float = paper.CONVERGENCE_STEP
-    max_steps: int = paper.CONVERGENCE_STEPS
+    max_iterations: int = paper.CONVERGENCE_STEPS
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -90,7 +90,7 @@ def deviate(truth: Pose, signs: Tensor, count: Sequence[int], sphere_diameter: f
     pose, left = truth, torch.tensor(list(count))
     for done in range(max(count, default=0)):
         going = (left > done).to(torch.float64)[:, None]
-        pose = PoseAction.of(signs * going).apply(pose, diameter)
+        pose = PoseAction.from_delta(signs * going).apply_centred(pose, diameter)
     return pose
 
 
@@ -131,9 +131,16 @@ def run(video: Video, policy: Policy, renderer: Renderer, plan: Plan) -> Iterato
 
 
 def _trials(
-    video: Video, mesh: Mesh, points: Tensor, frame: Frame, cases: list[tuple[Reading, int]],
-    signs: Tensor, policy: Policy, renderer: Renderer, plan: Plan,
-) -> list[Trial]:  # fmt: skip
+    video: Video,
+    mesh: Mesh,
+    points: Tensor,
+    frame: Frame,
+    cases: list[tuple[Reading, int]],
+    signs: Tensor,
+    policy: Policy,
+    renderer: Renderer,
+    plan: Plan,
+) -> list[Trial]:
     truth = video.truth[frame.index].to(torch.float64)
     inner = mesh.inner(truth)
     many = Pose(inner.rotation.expand(len(cases), 3, 3), inner.translation.expand(len(cases), 3))
@@ -146,9 +153,19 @@ def _trials(
         if out_of_sight(moved.translation[k], mesh.sphere_diameter, picture.camera) is None
     ]
     targets = [Target(picture, video.camera, mesh, mesh.outer(moved[k])) for k in seen]
-    results = dict(zip(seen, refine_batch(
-        targets, policy=policy, renderer=renderer, max_steps=plan.max_steps, step=plan.step
-    ), strict=True))  # fmt: skip
+    results = dict(
+        zip(
+            seen,
+            refine_batch(
+                targets,
+                policy=policy,
+                renderer=renderer,
+                max_iterations=plan.max_iterations,
+                step_size=plan.step,
+            ),
+            strict=True,
+        )
+    )
 
     def error(pose: Pose) -> float:
         return float(metrics.add_s(pose, truth, points, video.symmetric)) / mesh.diameter
@@ -156,12 +173,12 @@ def _trials(
     found = []
     for k, (reading, m) in enumerate(cases):
         result = results.get(k)
-        before, after, steps = float("inf"), float("inf"), 0
+        before, after, iterations = float("inf"), float("inf"), 0
         if result is not None:
-            before, steps = error(mesh.outer(moved[k])), result.steps
-            if result.pose is not None and result.stopped_by is not StopReason.MAX_STEPS:
+            before, iterations = error(mesh.outer(moved[k])), result.iterations
+            if result.pose is not None and result.stopped_by is not StopReason.MAX_ITERATIONS:
                 after = error(result.pose)
-        found.append(Trial(reading, m, frame.index, before, after, steps))
+        found.append(Trial(reading, m, frame.index, before, after, iterations))
     return found
 
 
@@ -174,20 +191,36 @@ def outcome(trials: Sequence[Trial], data: str, facts: dict[str, object]) -> Out
         lines = [_row(m, reading, mine) for m in sorted({trial.m for trial in mine})]
         rows += lines
         scored = [(float(m), float(share)) for _, m, _, _, _, share, _, _ in lines]
-        walked = [(float(m), steps) for _, m, _, _, _, _, steps, _ in lines if steps is not None]
-        for label, points, right in (("ADD score", scored, False), ("steps", walked, True)):
+        walked = [
+            (float(m), iterations)
+            for _, m, _, _, _, _, iterations, _ in lines
+            if iterations is not None
+        ]
+        for label, points, right in (("ADD score", scored, False), ("iterations", walked, True)):
             if points:
                 x, y = zip(*points, strict=True)
                 curves.append(Curve(f"{label}, {reading.value}", x, y, right))
     stated = tuple(zip(*paper.CONVERGENCE_ADD.items(), strict=True))
     curves.append(Curve("paper's ADD score", stated[0], stated[1], dots=True))
-    head = ("reading", "m", "units an axis", "starts", "start ADD % d", "ADD<10%d",
-            "steps where right", "paper ADD<10%d")  # fmt: skip
+    head = (
+        "reading",
+        "m",
+        "units an axis",
+        "starts",
+        "start ADD % d",
+        "ADD<10%d",
+        "steps where right",
+        "paper ADD<10%d",
+    )
     title = "ADD score and steps against the deviation (fig:robustness)"
     chart = LineChart(
-        "convergence", "Robustness to the start", "m", "ADD < 10 % d, %", tuple(curves),
+        "convergence",
+        "Robustness to the start",
+        "m",
+        "ADD < 10 % d, %",
+        tuple(curves),
         "steps of the loops that came back",
-    )  # fmt: skip
+    )
     return Outcome(
         "convergence",
         "Convergence from deviated starts (Eq. 3)",
@@ -210,6 +243,6 @@ def _row(
     mine = [trial for trial in trials if trial.m == m]
     before = mean([100 * trial.before for trial in mine if np.isfinite(trial.before)])
     share = 100 * float(np.mean([trial.right for trial in mine]))
-    steps = mean([float(trial.steps) for trial in mine if trial.right])
+    iterations = mean([float(trial.iterations) for trial in mine if trial.right])
     printed = paper.CONVERGENCE_ADD.get(m)
-    return reading.value, m, units(m, reading), len(mine), before, share, steps, printed
+    return reading.value, m, units(m, reading), len(mine), before, share, iterations, printed

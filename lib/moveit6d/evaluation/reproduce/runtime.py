@@ -38,28 +38,52 @@ def outcome(
     if tracks:
         tables.append(_frames(tracks, without))
     chart = BarChart(
-        "runtime", "One cycle", "ms", ("preprocessing", "network", "moving", "rendering"),
+        "runtime",
+        "One cycle",
+        "ms",
+        ("preprocessing", "network", "moving", "rendering"),
         {"ours": (prepare, network, move, render), "paper": (printed[0], printed[1], None, None)},
-    )  # fmt: skip
+    )
     notes = (
         "Ours is the median of the cycles, all on the CPU; the paper's network ran on a GPU.",
         *paper.NOTES["tab:runtime"],
     )
-    return Outcome("runtime", "Runtime of the action decision cycle", data, tuple(tables), (chart,),
-                   notes, facts)  # fmt: skip
+    return Outcome(
+        "runtime",
+        "Runtime of the action decision cycle",
+        data,
+        tuple(tables),
+        (chart,),
+        notes,
+        facts,
+    )
 
 
 def _frames(tracks: Sequence[Track], cycle: float) -> Table:
     """Cycles and milliseconds a frame, as tracked under the paper's protocol."""
     rows: list[tuple[Cell, ...]] = []
-    steps = np.concatenate([np.array(track.steps, float) for track in tracks])
+    iterations = np.concatenate([np.array(track.iterations, float) for track in tracks])
     times = np.concatenate([np.array(track.milliseconds, float) for track in tracks])
     for track in tracks:
-        mine = float(np.mean(track.steps))
-        rows.append((track.video.name, len(track.steps), mine, mine * cycle,
-                     float(np.mean(track.milliseconds))))  # fmt: skip
-    rows.append(("all frames", len(steps), float(steps.mean()), float(steps.mean()) * cycle,
-                 float(times.mean())))  # fmt: skip
+        mine = float(np.mean(track.iterations))
+        rows.append(
+            (
+                track.video.name,
+                len(track.iterations),
+                mine,
+                mine * cycle,
+                float(np.mean(track.milliseconds)),
+            )
+        )
+    rows.append(
+        (
+            "all frames",
+            len(iterations),
+            float(iterations.mean()),
+            float(iterations.mean()) * cycle,
+            float(times.mean()),
+        )
+    )
     rows.append(("paper (YCB-Video)", None, paper.ACTIONS_PER_FRAME, paper.MS_PER_FRAME, None))
     head = ("sequence", "frames", "cycles a frame", "ms, cycles × cycle", "ms measured")
     return Table("frames", "What a frame takes", head, tuple(rows))

@@ -14,11 +14,12 @@ from typing import Any
 
 import torch
 
-from ...datasets.files import PoseRow, by_frame, read_json, read_poses, write_json, write_poses
+from ...datasets.pose_files import PoseRow, by_frame, read_poses, write_poses
 from ...datasets.sequences import Sequence as Video
 from ...datasets.video import Frame
 from ...errors import InputError
 from ...geometry.pose import Pose
+from ...io import read_json, write_json
 from ..benchmark import MakeTracker
 from ..protocols import PROTOCOL_COLUMNS, Protocol, follow_protocol, is_given
 from ..rollout import Step
@@ -41,7 +42,7 @@ class Track:
     estimate: Pose
     truth: Pose
     held: int
-    steps: tuple[int, ...]
+    iterations: tuple[int, ...]
     milliseconds: tuple[float, ...]
 
 
@@ -88,7 +89,7 @@ def run_one(video: Video, setting: Setting) -> Iterator[Step]:
 
 def scored(video: Video, rows: Mapping[int, PoseRow]) -> Track | None:
     """The frames that count: known truth, a keyframe where there are such, pose not given."""
-    frames, estimates, steps, times = [], [], [], []
+    frames, estimates, iterations, times = [], [], [], []
     last, held = video.start, 0
     for frame, row in sorted(rows.items()):
         last = last if row.pose is None else row.pose
@@ -98,13 +99,13 @@ def scored(video: Video, rows: Mapping[int, PoseRow]) -> Track | None:
         held += row.pose is None
         frames.append(frame)
         estimates.append(last)
-        steps.append(row.steps or 0)
+        iterations.append(row.iterations or 0)
         times.append(row.milliseconds or 0.0)
     if not frames:
         return None
     truth = Pose.stack([video.truth[frame].to(torch.float64) for frame in frames])
     found = Pose.stack([pose.to(torch.float64) for pose in estimates])
-    return Track(video, tuple(frames), found, truth, held, tuple(steps), tuple(times))
+    return Track(video, tuple(frames), found, truth, held, tuple(iterations), tuple(times))
 
 
 def _claim(setting: Setting) -> None:
