@@ -111,14 +111,13 @@ class NetworkPolicy:
         """One pass of the network."""
         return self.network(observation)
 
-
     def descriptors(self, images: Tensor) -> Tensor:
         """What each cell of 8 × 8 pixels looks like: images (B, 3, H, W) → (B, C, H / 8, W / 8)."""
         return self.network.descriptors(images)
 
 
-class TurnedPolicy:
-    """Asks another policy about what is seen laid in all eight ways, and takes the mean.
+class DihedralAugmentation:
+    """Test-time augmentation: the mean prediction over the eight dihedral views of an observation.
 
     Four quarter turns, each of them also mirrored: the errors of another policy differ between
     them. Scores of single actions and the attention are those of what is seen.
