@@ -1,4 +1,4 @@
-"""`moveit6d detect`: find one object in one image, without a start.
+"""`moveit6d detect`: find objects in images, without a start or with what is known.
 
 Never tracks; what it writes is what `moveit6d track --start` reads.
 """
@@ -6,8 +6,12 @@ Never tracks; what it writes is what `moveit6d track --start` reads.
 from __future__ import annotations
 
 import argparse
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from .common import (
@@ -15,46 +19,110 @@ from .common import (
     add_verb,
     given,
     new_folder,
+    positive,
+    progress,
     set_up,
     versions,
     weights_facts,
 )
 
+if TYPE_CHECKING:
+    from ..datasets.pose_files import PoseRow
+    from ..datasets.video import Frame
+    from ..estimation import PoseDetector
+    from ..estimation.detection import Detection
+    from ..geometry.camera import Camera
+    from ..geometry.mesh import Mesh
+    from ..geometry.pose import Pose
+
+NOT_FOUND = 3
+
 DESCRIPTION = """\
-Lays seeds over the image, sees where one iteration at each of them wants to go, looks for the
-places where the moves converge, and tries a coarse grid of rotations there. The object is
-taken to be in the picture. It takes seconds to minutes; a given start is always surer.
+Compares every place in the image, at every size, with the object seen from all sides, refines the
+best candidates and judges them. Whether the object is there is part of the answer. It takes about
+a second an image after a second or two of preparation, which is kept for the next call. What is
+known of where the object is makes it faster and surer: --box, --mask, --points, --distance, --start.
 
 files written to --output:
-  pose.json     the pose found: start of `moveit6d track`
-  overlay.png   outline and axes drawn on the image
-  detection.json  confidence, iterations, the places looked into, versions
+  poses.csv     the columns of `moveit6d track`, a row an image in the order given (more with
+                --instances); empty numbers and the state `lost` where the object was not found;
+                `confidence` is the probability that the pose is right
+  pose.json     for one image: the pose found, start of `moveit6d track`
+  overlay.png   outline and axes drawn on the image; for several images overlay/NAME.png
+  detection.json  probabilities, what speaks for the poses, versions
+
+with --dataset, --split and --targets, --output is a BOP result file with a pose for every target.
+
+exit code 3 also says that the object was found in none of the images.
 """
 
 EPILOG = """\
 examples:
   moveit6d detect --mesh drill.glb --mesh_unit m --image frames/000000.jpg \\
       --camera camera.json --output found
-  moveit6d detect --mesh drill.glb --mesh_unit m --image first.png --camera camera.json \\
-      --output found --criterion iterations --rotations 120
+  moveit6d detect --mesh drill.glb --mesh_unit m --image a.png b.png --camera camera.json \\
+      --box 210 140 180 160 --distance 0.4 1.2 --output found
+  moveit6d detect --dataset lmo --split test --targets test_targets_bop19.json \\
+      --output results.csv
 """
 
 
 def add_parser(verbs: Any) -> None:
     """Add the verb."""
-    parser = add_verb(verbs, "detect", "find an object in an image", DESCRIPTION, EPILOG)
-    parser.add_argument("--mesh", type=Path, required=True, metavar="FILE", help="the object")
-    parser.add_argument("--mesh_unit", choices=("m", "mm"), required=True, help="the mesh's unit")
-    parser.add_argument("--image", type=Path, required=True, metavar="FILE", help="the picture")
-    parser.add_argument("--camera", type=Path, required=True, metavar="FILE", help="intrinsics")
-    parser.add_argument("--output", type=Path, required=True, metavar="DIR", help="for results")
+    parser = add_verb(verbs, "detect", "find objects in images", DESCRIPTION, EPILOG)
+    parser.add_argument("--output", type=Path, required=True, metavar="PATH", help="for results")
+    images = parser.add_argument_group("images")
+    images.add_argument("--mesh", type=Path, metavar="FILE", help="the object")
+    images.add_argument("--mesh_unit", choices=("m", "mm"), help="the mesh's unit")
+    images.add_argument("--image", type=Path, nargs="+", metavar="FILE", help="the pictures")
+    images.add_argument("--camera", type=Path, metavar="FILE", help="intrinsics")
+    images.add_argument(
+        "--instances", type=positive, default=1, metavar="N", help="of the object in an image"
+    )
+    dataset = parser.add_argument_group("data set")
+    dataset.add_argument("--dataset", type=Path, metavar="DIR", help="BOP data set")
+    dataset.add_argument("--split", metavar="NAME", help="folder in it, as test")
+    dataset.add_argument("--targets", type=Path, metavar="FILE", help="what is to be found")
+    known = parser.add_argument_group("what is known")
+    known.add_argument(
+        "--box",
+        type=float,
+        nargs=4,
+        metavar=("X", "Y", "W", "H"),
+        help="left, top, width and height, pixels, around what is visible of the object",
+    )
+    known.add_argument(
+        "--mask", type=Path, metavar="FILE", help="picture that is not black on the object"
+    )
+    known.add_argument(
+        "--points",
+        type=Path,
+        metavar="FILE",
+        help="CSV of four or more rows u,v,x,y,z: pixels, and where they are in the mesh file",
+    )
+    known.add_argument(
+        "--distance",
+        type=float,
+        nargs=2,
+        metavar=("MIN", "MAX"),
+        help="metres from the camera to the object",
+    )
+    known.add_argument("--start", type=Path, metavar="FILE", help="a pose that is roughly right")
     parser.add_argument(
+        "--method",
+        choices=("templates", "seeds"),
+        default="templates",
+        help="templates compares with the object seen from all sides; seeds is the paper's way, "
+        "by where single iterations lead: one image, no narrowing, minutes",
+    )
+    seeds = parser.add_argument_group("method seeds")
+    seeds.add_argument(
         "--criterion",
         choices=("confidence", "iterations"),
         default="confidence",
         help="chooses the best candidate: the network's confidence, or the fewest iterations",
     )
-    parser.add_argument(
+    seeds.add_argument(
         "--sizes",
         type=float,
         nargs="+",
@@ -62,33 +130,201 @@ def add_parser(verbs: Any) -> None:
         metavar="SHARE",
         help="widths of the object to try, in shares of the image's shorter side",
     )
-    parser.add_argument("--rotations", type=int, default=60, metavar="N", help="of the grid")
-    parser.add_argument("--sinks", type=int, default=3, metavar="N", help="places looked into")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the seeded poses")
+    seeds.add_argument("--rotations", type=int, default=60, metavar="N", help="of the grid")
+    seeds.add_argument("--sinks", type=int, default=3, metavar="N", help="places looked into")
+    seeds.add_argument("--seed", type=int, default=0, metavar="N", help="of the seeded poses")
     add_tracking_options(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Detect and write."""
-    from PIL import Image
+    if args.dataset is not None:
+        from .detect_dataset import run as run_dataset
 
-    from ..datasets.pose_files import read_camera, write_pose
+        return run_dataset(args)
+    missing = [
+        f"--{name}" for name in ("mesh", "mesh_unit", "image", "camera")
+        if getattr(args, name) is None
+    ]  # fmt: skip
+    if missing:
+        raise InputError(
+            f"{', '.join(missing)} missing: --mesh, --mesh_unit, --image and --camera are needed, "
+            "or --dataset, --split and --targets."
+        )
+    return _detect_images(args)
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """What was found in one image: poses with their probability, and facts for detection.json."""
+
+    poses: tuple[tuple[Pose, float, int], ...]  # pose, probability, iterations
+    best: float
+    milliseconds: float
+    facts: dict[str, Any]
+
+
+def _detect_images(args: argparse.Namespace) -> int:
+    from ..datasets.pose_files import PoseWriter, read_camera, write_pose
     from ..datasets.video import ImageList
-    from ..estimation import DetectorConfig, PoseDetector
     from ..geometry.mesh import Mesh
-    from ..io import replacing, write_json
-    from ..visualization.overlay import draw_pose
+    from ..io import write_json
 
     mesh, camera = Mesh.load(args.mesh, args.mesh_unit), read_camera(args.camera)
-    frame = next(iter(ImageList((args.image,))))
-    if frame.image is None:
-        raise InputError(f"{args.image}: {frame.error}")
-    config = DetectorConfig(
-        tuple(args.sizes), sinks=args.sinks, rotations=args.rotations, seed=args.seed
-    )
+    frames = list(ImageList(tuple(args.image)))
+    for path, frame in zip(args.image, frames, strict=True):
+        if frame.image is None:
+            raise InputError(f"{path}: {frame.error}")
+    detect = _seeds(args, mesh, camera) if args.method == "seeds" else _templates(
+        args, mesh, camera
+    )  # fmt: skip
+    answers = [detect(frame) for frame in progress(frames, len(frames), "detect", "image")]
+    output = new_folder(args.output)
+    with PoseWriter(output / "poses.csv") as table:
+        for frame, answer in zip(frames, answers, strict=True):
+            for row in _rows(frame, answer):
+                table.write(row)
+    single = len(frames) == 1
+    if single and answers[0].poses:
+        write_pose(output / "pose.json", answers[0].poses[0][0])
+    for frame, answer in zip(frames, answers, strict=True):
+        path = output / "overlay.png" if single else output / "overlay" / f"{frame.name}.png"
+        _draw(path, frame, [pose for pose, *_ in answer.poses], mesh, camera)
+    facts = {
+        "images": [
+            {"image": str(path), "milliseconds": round(answer.milliseconds, 1), **answer.facts}
+            for path, answer in zip(args.image, answers, strict=True)
+        ],
+        **weights_facts(args.weights),
+        "versions": versions(),
+        "arguments": given(args),
+    }
+    write_json(output / "detection.json", facts)
+    return _verdict(args, answers, output)
+
+
+def _verdict(args: argparse.Namespace, answers: Sequence[_Answer], output: Path) -> int:
+    found = sum(bool(answer.poses) for answer in answers)
+    best = max(answer.best for answer in answers)
+    if not found:
+        what = str(args.image[0]) if len(answers) == 1 else f"{len(answers)} images"
+        print(
+            f"moveit6d: {what}: the object was not found (probability of the best pose "
+            f"{best:.2f}); narrow the search by --box, --mask, --points or --distance.",
+            file=sys.stderr,
+        )
+        return NOT_FOUND
+    if len(answers) == 1:
+        print(f"probability {best:.2f}: {output / 'pose.json'}")
+    else:
+        print(f"found in {found} of {len(answers)} images: {output / 'poses.csv'}")
+    return 0
+
+
+def _rows(frame: Frame, answer: _Answer) -> list[PoseRow]:
+    """A row for each instance; one without a pose if there is none."""
+    from ..datasets.pose_files import PoseRow
+
+    if not answer.poses:
+        return [
+            PoseRow(
+                frame.index, frame.name, stopped_by="failed", confidence=answer.best,
+                milliseconds=answer.milliseconds,
+            )
+        ]  # fmt: skip
+    return [
+        PoseRow(
+            frame.index, frame.name, pose, iterations, "max_iterations", probability,
+            answer.milliseconds,
+        )
+        for pose, probability, iterations in answer.poses
+    ]  # fmt: skip
+
+
+def _draw(path: Path, frame: Frame, poses: Sequence[Pose], mesh: Mesh, camera: Camera) -> None:
+    from PIL import Image
+
+    from ..io import replacing
+    from ..rendering.renderer import make_renderer
+    from ..visualization.overlay import draw_pose
+
+    image = frame.image
+    assert image is not None
+    for pose in poses:
+        image = draw_pose(image, mesh, pose, camera, make_renderer())
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as temporary:
+        Image.fromarray(image).save(temporary, format="PNG")
+
+
+def _templates(args: argparse.Namespace, mesh: Mesh, camera: Camera) -> Any:
+    """How one frame is searched by templates."""
+    from ..datasets.pose_files import read_pose
+    from ..estimation import PoseDetector, TemplateStore
+    from ..estimation.detection import default_store
+    from ..estimation.detection.points import read_points
+
     policy, renderer = set_up(args)
     detector = PoseDetector(
+        mesh, camera, policy=policy, renderer=renderer, store=TemplateStore(default_store())
+    )
+    known = {
+        "box": args.box,
+        "mask": None if args.mask is None else read_mask(args.mask),
+        "points": None if args.points is None else read_points(args.points, args.mesh_unit),
+        "distance": args.distance,
+        "start": None if args.start is None else read_pose(args.start),
+    }
+
+    def detect(frame: Frame) -> _Answer:
+        begin = time.perf_counter()
+        found = detector.detect(frame.image, instances=args.instances, **known)
+        return _answer(found, (time.perf_counter() - begin) * 1e3)
+
+    return detect
+
+
+def _answer(found: Detection, milliseconds: float) -> _Answer:
+    every = (*found.instances, *found.rejected)
+    facts = [
+        {
+            "probability": round(one.probability, 4),
+            "accepted": number < len(found.instances),
+            **{name: round(value, 4) for name, value in vars(one.evidence).items()},
+        }
+        for number, one in enumerate(every)
+    ]
+    poses = tuple((one.pose, one.probability, one.result.iterations) for one in found.instances)
+    return _Answer(poses, found.probability, milliseconds, {"poses": facts})
+
+
+def read_mask(path: Path) -> Any:
+    """A mask picture (H, W), not zero on the object; alpha is ignored."""
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as opened:
+            import numpy as np
+
+            return np.asarray(opened.convert("L")) > 0
+    except (OSError, UnidentifiedImageError, ValueError) as error:
+        raise InputError(f"{path} cannot be read as a picture of a mask: {error}.") from error
+
+
+def _seeds(args: argparse.Namespace, mesh: Mesh, camera: Camera) -> Any:
+    """How one frame is searched in the paper's way."""
+    from ..estimation import SeedDetector, SeedDetectorConfig
+
+    if any(getattr(args, name) is not None for name in ("box", "mask", "points", "distance")):
+        raise InputError("--method seeds looks at the whole image; leave out what narrows it.")
+    if len(args.image) > 1:
+        raise InputError("--method seeds takes one --image.")
+    policy, renderer = set_up(args)
+    config = SeedDetectorConfig(
+        tuple(args.sizes), sinks=args.sinks, rotations=args.rotations, seed=args.seed
+    )
+    detector = SeedDetector(
         mesh,
         camera,
         criterion=args.criterion,
@@ -97,26 +333,20 @@ def run(args: argparse.Namespace) -> int:
         renderer=renderer,
         max_iterations=args.max_iterations,
     )
-    found = detector.detect(frame.image)
-    if found.result is None or found.pose is None:
-        raise InputError(f"{args.image}: the object was not found; try other --sizes.")
-    output = new_folder(args.output)
-    write_pose(output / "pose.json", found.pose)
-    with replacing(output / "overlay.png") as temporary:
-        Image.fromarray(draw_pose(frame.image, mesh, found.pose, camera, renderer)).save(temporary)
-    facts = {
-        "confidence": found.result.confidence,
-        "iterations": found.result.iterations,
-        "candidates": len(found.candidates),
-        "sinks": [
+
+    def detect(frame: Frame) -> _Answer:
+        begin = time.perf_counter()
+        found = detector.detect(frame.image)
+        spent = (time.perf_counter() - begin) * 1e3
+        sinks = [
             {"pixel": s.centre.tolist(), "strength": s.strength, "size": s.size}
             for place in found.places
             for s in place
-        ],
-        **weights_facts(args.weights),
-        "versions": versions(),
-        "arguments": given(args),
-    }
-    write_json(output / "detection.json", facts)
-    print(f"confidence {found.result.confidence:.2f}: {output / 'pose.json'}")
-    return 0
+        ]
+        facts = {"candidates": len(found.candidates), "sinks": sinks}
+        if found.result is None or found.pose is None:
+            return _Answer((), 0.0, spent, facts)
+        confidence = found.result.confidence
+        return _Answer(((found.pose, confidence, found.result.iterations),), confidence, spent, facts)
+
+    return detect

@@ -296,14 +296,14 @@ def _attention(args: argparse.Namespace) -> Outcome:
 
 
 def _detection(args: argparse.Namespace) -> Outcome:
-    from ..estimation import DetectorConfig, PoseDetector
+    from ..estimation import SeedDetectorConfig, SeedDetector
     from ..evaluation.reproduce import detection
 
     videos, data = _opened(args)
     policy, renderer = _tools(args, args.weights, args.mode)
-    config = DetectorConfig(tuple(args.sizes), args.poses, args.sinks, args.rotations)
+    config = SeedDetectorConfig(tuple(args.sizes), args.poses, args.sinks, args.rotations)
     detectors = {
-        video.name: PoseDetector(
+        video.name: SeedDetector(
             video.load_mesh(),
             video.camera,
             criterion="iterations",

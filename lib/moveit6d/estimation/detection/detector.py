@@ -25,7 +25,7 @@ from ..refine import Target, TrackingResult, out_of_sight, refine_batch
 from ..seeding import seed_poses
 from .config import DetectorConfig
 from .judge import Evidence, examine
-from .matching import Candidates, Matcher, ladder, pyramid
+from .matching import Candidates, Matcher, Pyramid, ladder
 from .points import poses_from_points
 from .region import SearchRegion
 from .templates import WIDTH, TemplateBank, TemplateStore
@@ -156,13 +156,7 @@ class PoseDetector:
         given = [] if start is None else [start]
         if points is not None:
             given += poses_from_points(points, self.camera)
-        steps = self.steps(frame, region, given, instances, search=points is None)
-        while True:
-            try:
-                next(steps)
-            except StopIteration as end:
-                found: Detection = end.value
-                return found
+        return finish(self.steps(frame, region, given, instances, search=points is None))
 
     def steps(
         self,
@@ -171,39 +165,45 @@ class PoseDetector:
         given: Sequence[Pose] = (),
         instances: int = 1,
         search: bool = True,
+        pyramid: Pyramid | None = None,
     ) -> Steps:
         """`detect` in short steps, for who has other things to do between them.
 
         `given` are poses that are tried beside the candidates of the search, or instead of them.
         Each `next` does one step of some ten milliseconds; the generator's value is the detection.
+        Detectors of several objects may share the `pyramid` of an image (`pyramid_of`).
         """
         frame = prepare_frame(image, self.camera)
         known = region or SearchRegion()
         poses = list(given)
         if search:
-            candidates = yield from self._search(frame, known)
+            levels = self.pyramid_of(frame) if pyramid is None else pyramid
+            candidates = yield from self._search(frame, known, levels)
             poses += self._poses(candidates, frame.camera)
         refined = yield from self._tournament(frame, poses, instances)
         return self._judged(frame, refined, instances)
 
-    def _search(self, frame: Frame, region: SearchRegion) -> Generator[None, None, Candidates]:
+    def pyramid_of(self, frame: Frame) -> Pyramid:
+        """The frame at all scales, described by this detector's policy."""
+        pixels = frame.pixels
+        image = pixels if pixels.is_floating_point() else pixels.to(torch.float32) / 255
+        return Pyramid(image, self.policy.descriptors, self.config.match.local_mean)
+
+    def _search(
+        self, frame: Frame, region: SearchRegion, pyramid: Pyramid
+    ) -> Generator[None, None, Candidates]:
         """Candidates in the image, those first that match best."""
         bank, config = self.prepare(), self.config.match
         yield
-        pixels = frame.pixels
-        image = pixels if pixels.is_floating_point() else pixels.to(torch.float32) / 255
         low, high = region.widths(self.mesh, frame.camera, config.widths)
         matcher = Matcher(bank, config)
         window = region.window(frame.camera, high)
         if window is not None:
-            width = max(0.5 * (low + high), WIDTH / BACKGROUND)
-            for level in pyramid(image, self.policy.descriptors, [width], config):
-                matcher.add(level, background_only=True)
-                yield
-        for level in pyramid(
-            image, self.policy.descriptors, ladder(low, high, config.step), config, window
-        ):
-            matcher.add(level)
+            background = max(0.5 * (low + high), WIDTH / BACKGROUND)
+            matcher.add(pyramid.level(background), background_only=True)
+            yield
+        for width in ladder(low, high, config.step):
+            matcher.add(pyramid.level(width, window))
             yield
         allowed = None if region.empty else (
             lambda pixels, widths, views: region.allows(
@@ -288,6 +288,34 @@ class PoseDetector:
         aside = (self.camera.project(a) - self.camera.project(b)).norm()
         width = self.camera.fx * self.mesh.sphere_diameter / float(torch.minimum(a[2], b[2]))
         return float(aside) < SAME_INSTANCE * width
+
+
+def finish(steps: Steps) -> Detection:
+    """Take the steps of a detection to their end."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            found: Detection = end.value
+            return found
+
+
+def detect_objects(
+    detectors: Sequence[PoseDetector], image: Any, counts: Sequence[int] | None = None
+) -> list[Detection]:
+    """Several objects in one image, each with its own detector of one policy and camera.
+
+    The image is described once for all of them. `counts` are the most instances of each.
+    """
+    if not detectors:
+        return []
+    frame = prepare_frame(image, detectors[0].camera)
+    pyramid = detectors[0].pyramid_of(frame)
+    numbers = [1] * len(detectors) if counts is None else list(counts)
+    return [
+        finish(detector.steps(frame, instances=count, pyramid=pyramid))
+        for detector, count in zip(detectors, numbers, strict=True)
+    ]
 
 
 def default_store() -> Path:

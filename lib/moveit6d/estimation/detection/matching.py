@@ -6,7 +6,7 @@ Never refines a pose and never decides whether an object is there.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -21,6 +21,7 @@ REACH = 2  # cells around a place in which each template finds its own best posi
 SAME_PLACE = 0.35  # of the object's width: nearer peaks of nearly the same width are one place
 SAME_WIDTH = 1.43
 
+Window = tuple[int, int, int, int]  # left, top, right, bottom in image pixels
 Allowed = Callable[[Tensor, Tensor, Tensor], Tensor]
 
 
@@ -87,27 +88,31 @@ def ladder(low: float, high: float, step: float) -> list[float]:
     return [low * (high / low) ** (k / (count - 1)) for k in range(count)]
 
 
-def pyramid(
-    image: Tensor,
-    describe: Describe,
-    widths: Sequence[float],
-    config: MatchConfig,
-    window: tuple[int, int, int, int] | None = None,
-) -> Iterator[Level]:
-    """The levels of an image (3, H, W) in [0, 1], one a width.
+class Pyramid:
+    """The levels of one image (3, H, W) in [0, 1]; each is made once, for all objects in it."""
 
-    `window` is (left, top, right, bottom): the part of the image that is looked at.
-    """
-    left, top, right, bottom = window or (0, 0, image.shape[2], image.shape[1])
-    part = image[None, :, top:bottom, left:right]
-    for width in widths:
+    def __init__(self, image: Tensor, describe: Describe, local_mean: int) -> None:
+        self.image, self.describe, self.local_mean = image, describe, local_mean
+        self._levels: dict[tuple[float, Window | None], Level] = {}
+
+    @torch.inference_mode()
+    def level(self, width: float, window: Window | None = None) -> Level:
+        """The level for objects of a width; of the part of the image in the window only."""
+        key = (width, window)
+        if key not in self._levels:
+            self._levels[key] = self._make(width, window)
+        return self._levels[key]
+
+    def _make(self, width: float, window: Window | None) -> Level:
+        left, top, right, bottom = window or (0, 0, self.image.shape[2], self.image.shape[1])
+        part = self.image[None, :, top:bottom, left:right]
         scale = WIDTH / width
         size = [max(2 * CELL, round(length * scale)) for length in part.shape[2:]]
         resized = functional.interpolate(
             part, size=size, mode="bilinear", antialias=True, align_corners=False
         )
-        features = _locally_centred(describe(resized), config.local_mean)
-        yield Level(width, scale, float(left), float(top), features[0])
+        features = _locally_centred(self.describe(resized), self.local_mean)
+        return Level(width, scale, float(left), float(top), features[0])
 
 
 def _locally_centred(features: Tensor, cells: int) -> Tensor:

@@ -17,8 +17,8 @@ from torch import Tensor
 from ...actions import PoseAction, pose_delta
 from ...datasets.sequences import Sequence as Video
 from ...datasets.video import Image
-from ...estimation import Detection, PoseDetector, SelectionCriterion, Target, refine_batch
-from ...estimation.detector import Candidate, best_of
+from ...estimation import SeedDetection, SeedDetector, SelectionCriterion, Target, refine_batch
+from ...estimation.seed_detector import Candidate, best_of
 from ...estimation.frame import prepare_frame
 from ...geometry.pose import Pose
 from .. import metrics, paper
@@ -53,15 +53,15 @@ class Example:
     """What the figure shows of one frame."""
 
     image: Image
-    detection: Detection
+    detection: SeedDetection
     turns: tuple[float, ...]
     iterations: tuple[float, ...]
     ways: tuple[float, ...]
 
 
 def run(
-    videos: Sequence[Video], make: Mapping[str, PoseDetector], frames: int
-) -> Iterator[tuple[Trial, Image, Detection]]:
+    videos: Sequence[Video], make: Mapping[str, SeedDetector], frames: int
+) -> Iterator[tuple[Trial, Image, SeedDetection]]:
     """Detect in `frames` frames of every sequence; `make` holds each sequence's detector."""
     for video in videos:
         detector = make[video.name]
@@ -83,8 +83,8 @@ def run(
 def _judged(
     video: Video,
     frame: int,
-    found: Detection,
-    detector: PoseDetector,
+    found: SeedDetection,
+    detector: SeedDetector,
     truth: Pose,
     points: Tensor,
     seconds: float,
@@ -117,7 +117,7 @@ def _judged(
 
 
 def turned_starts(
-    detector: PoseDetector, image: Image, truth: Pose, turns: Sequence[float] = TURNS
+    detector: SeedDetector, image: Image, truth: Pose, turns: Sequence[float] = TURNS
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Steps and ways of loops that start at the truth turned about the viewing axis, degrees.
 
@@ -198,7 +198,7 @@ def outcome(
 
 
 def _sink_of(
-    found: Detection, detector: PoseDetector, truth: Pose
+    found: SeedDetection, detector: SeedDetector, truth: Pose
 ) -> tuple[int | None, float | None]:
     """The first place (from 1) that is the object's, and the best size tried there, true = 1."""
     inner = detector.mesh.inner(truth)

@@ -37,8 +37,8 @@ class SelectionCriterion(StrEnum):
 
 
 @dataclass(frozen=True)
-class DetectorConfig:
-    """How thoroughly a `PoseDetector` looks.
+class SeedDetectorConfig:
+    """How thoroughly a `SeedDetector` looks.
 
     Args:
         sizes: widths of the object that are tried, in shares of the image's shorter side; the
@@ -59,9 +59,9 @@ class DetectorConfig:
 
     def __post_init__(self) -> None:
         if not self.sizes or min(self.sizes) <= 0:
-            raise InputError(f"DetectorConfig: sizes must be positive shares, found {self.sizes}.")
+            raise InputError(f"SeedDetectorConfig: sizes must be positive shares, found {self.sizes}.")
         if min(self.poses, self.sinks, self.rotations) < 1:
-            raise InputError("DetectorConfig: poses, sinks and rotations must be 1 or more.")
+            raise InputError("SeedDetectorConfig: poses, sinks and rotations must be 1 or more.")
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Detection:
+class SeedDetection:
     """What was found: the best candidate's result (None if no candidate has a pose), and how.
 
     `pose` is in the mesh file's frame; `fields` are those of the sizes that were tried; `places`
@@ -103,7 +103,7 @@ class Detection:
         return None if self.result is None else self.result.pose
 
 
-class PoseDetector:
+class SeedDetector:
     """Finds one object in single images of one camera, without a start pose.
 
     Args:
@@ -123,7 +123,7 @@ class PoseDetector:
         camera: Camera,
         *,
         criterion: SelectionCriterion | str = SelectionCriterion.CONFIDENCE,
-        config: DetectorConfig | None = None,
+        config: SeedDetectorConfig | None = None,
         policy: Policy | None = None,
         renderer: Renderer | None = None,
         max_iterations: int | None = None,
@@ -134,13 +134,13 @@ class PoseDetector:
                 f"{', '.join(SelectionCriterion)}."
             )
         self.mesh, self.camera, self.max_iterations = mesh, camera, max_iterations
-        self.criterion, self.config = SelectionCriterion(criterion), config or DetectorConfig()
+        self.criterion, self.config = SelectionCriterion(criterion), config or SeedDetectorConfig()
         if max_iterations is None and self.criterion is SelectionCriterion.ITERATIONS:
             self.max_iterations = MAX_ITERATIONS[ActionMode.SINGLE]
         self.policy: Policy = load_policy() if policy is None else policy
         self.renderer = make_renderer() if renderer is None else renderer
 
-    def detect(self, image: Any) -> Detection:
+    def detect(self, image: Any) -> SeedDetection:
         """The object in an RGB image (H, W, 3); it is taken to be there.
 
         Raises `InputError` if the image does not fit the camera.
@@ -151,7 +151,7 @@ class PoseDetector:
         places = strongest(found, self.config.sinks)
         candidates = self.try_rotations(frame, [sink for place in places for sink in place])
         best = best_of(candidates, self.criterion)
-        return Detection(None if best is None else best.result, fields, places, candidates)
+        return SeedDetection(None if best is None else best.result, fields, places, candidates)
 
     def seed(self, image: Any) -> tuple[SeedField, ...]:
         """The fields of one iteration from seeds all over the image, one a size."""
