@@ -29,7 +29,6 @@ from .common import (
 if TYPE_CHECKING:
     from ..datasets.pose_files import PoseRow
     from ..datasets.video import Frame
-    from ..estimation import PoseDetector
     from ..estimation.detection import Detection
     from ..geometry.camera import Camera
     from ..geometry.mesh import Mesh
@@ -39,9 +38,10 @@ NOT_FOUND = 3
 
 DESCRIPTION = """\
 Compares every place in the image, at every size, with the object seen from all sides, refines the
-best candidates and judges them. Whether the object is there is part of the answer. It takes about
-a second an image after a second or two of preparation, which is kept for the next call. What is
-known of where the object is makes it faster and surer: --box, --mask, --points, --distance, --start.
+best candidates and judges them. Whether the object is there is part of the answer. It takes about a
+second an image, after a second or two of preparation, which is kept for the next call. What is
+known of where the object is makes it faster and surer: --box, --mask, --points, --distance and
+--start.
 
 files written to --output:
   poses.csv     the columns of `moveit6d track`, a row an image in the order given (more with
@@ -347,6 +347,8 @@ def _seeds(args: argparse.Namespace, mesh: Mesh, camera: Camera) -> Any:
         if found.result is None or found.pose is None:
             return _Answer((), 0.0, spent, facts)
         confidence = found.result.confidence
-        return _Answer(((found.pose, confidence, found.result.iterations),), confidence, spent, facts)
+        return _Answer(
+            ((found.pose, confidence, found.result.iterations),), confidence, spent, facts
+        )
 
     return detect

@@ -58,9 +58,7 @@ def _targets_name(dataset: BopDataset, args: argparse.Namespace) -> str:
     return str(args.targets.resolve() if args.targets.is_file() else args.targets)
 
 
-def _check(
-    dataset: BopDataset, images: dict[tuple[int, int], list[BopTarget]]
-) -> None:
+def _check(dataset: BopDataset, images: dict[tuple[int, int], list[BopTarget]]) -> None:
     """Load every mesh and find every image before the long work."""
     for (scene, image), targets in images.items():
         dataset.check_image(scene, image)

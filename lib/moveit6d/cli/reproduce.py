@@ -296,7 +296,7 @@ def _attention(args: argparse.Namespace) -> Outcome:
 
 
 def _detection(args: argparse.Namespace) -> Outcome:
-    from ..estimation import SeedDetectorConfig, SeedDetector
+    from ..estimation import SeedDetector, SeedDetectorConfig
     from ..evaluation.reproduce import detection
 
     videos, data = _opened(args)

@@ -35,4 +35,7 @@ def refine_result(
     )
     spent = (time.perf_counter() - begin) * 1e3
     pose, milliseconds = target.mesh.outer(found.pose), result.milliseconds + spent
-    return replace(result, pose=pose, milliseconds=milliseconds), found.histograms
+    refined = replace(
+        result, pose=pose, milliseconds=milliseconds, contour_agreement=found.agreement
+    )
+    return refined, found.histograms

@@ -26,6 +26,7 @@ from ..policies import ActionMode, LoopState, Policy, to_action
 from ..rendering.renderer import Renderer
 from .frame import Frame, prepare_frame
 from .localizability import localizability
+from .states import TrackingState
 
 # Iterations at most: the paper's limit for single steps. With all axes at once, of 160 rendered
 # cases of held-out training objects, far starts and a third covered, 74.4, 76.9 and 76.2 % end
@@ -70,7 +71,9 @@ class TrackingResult:
 
     `pose` is unbatched float64 in the mesh file's frame, None if it failed; `confidence` in [0, 1]
     is the policy's belief that the pose looks right, `localizability` in [0, 1] the chance that one
-    that does is right (`precision`); `milliseconds` passed until this object was done.
+    that does is right; `milliseconds` passed until this object was done; `contour_agreement` is
+    the share of the contour where colours change sharply and in the right place, None without
+    contour refinement; `state` is a tracker's.
     """
 
     pose: Pose | None
@@ -80,6 +83,8 @@ class TrackingResult:
     milliseconds: float
     error: str | None = None
     localizability: float = 0.0
+    contour_agreement: float | None = None
+    state: TrackingState = TrackingState.TRACKING
 
     @property
     def score(self) -> float:

@@ -59,7 +59,9 @@ class SeedDetectorConfig:
 
     def __post_init__(self) -> None:
         if not self.sizes or min(self.sizes) <= 0:
-            raise InputError(f"SeedDetectorConfig: sizes must be positive shares, found {self.sizes}.")
+            raise InputError(
+                f"SeedDetectorConfig: sizes must be positive shares, found {self.sizes}."
+            )
         if min(self.poses, self.sinks, self.rotations) < 1:
             raise InputError("SeedDetectorConfig: poses, sinks and rotations must be 1 or more.")
 

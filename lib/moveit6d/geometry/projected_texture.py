@@ -51,8 +51,8 @@ def paint(mesh: Mesh, image: NDArray[np.uint8], pose: Pose, camera: Camera) -> M
     seen &= ~_hidden(corners, middles, facing, camera, HIDDEN * mesh.sphere_diameter)
     if seen.sum() < 4:
         raise InputError(
-            f"{mesh.name}: the camera sees too little of it at this pose to take its colours; check "
-            "the pose and the camera."
+            f"{mesh.name}: the camera sees too little of it at this pose to take its colours; "
+            "check the pose and the camera."
         )
     return _textured(Mesh, mesh, image, vertices, faces, pixels, seen, facing)
 

@@ -19,9 +19,9 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...policies import DescriptorPolicy, Policy, load_policy
 from ...rendering.renderer import Renderer, make_renderer
-from ..frame import Frame, prepare_frame
 from ..contour_stage import refine_result
-from ..refine import Target, TrackingResult, out_of_sight, refine_batch
+from ..frame import Frame, prepare_frame
+from ..refine import Target, TrackingResult, check_start, out_of_sight, refine_batch
 from ..seeding import seed_poses
 from .config import DetectorConfig
 from .judge import Evidence, examine
@@ -153,6 +153,8 @@ class PoseDetector:
         """
         frame = prepare_frame(image, self.camera)
         region = SearchRegion.checked(self.camera, box, mask, distance, start)
+        if start is not None:
+            check_start(start, self.mesh, frame.camera)
         given = [] if start is None else [start]
         if points is not None:
             given += poses_from_points(points, self.camera)
@@ -175,7 +177,7 @@ class PoseDetector:
         """
         frame = prepare_frame(image, self.camera)
         known = region or SearchRegion()
-        poses = list(given)
+        poses = [pose for pose in given if self._in_sight(pose)]
         if search:
             levels = self.pyramid_of(frame) if pyramid is None else pyramid
             candidates = yield from self._search(frame, known, levels)
@@ -197,7 +199,7 @@ class PoseDetector:
         yield
         low, high = region.widths(self.mesh, frame.camera, config.widths)
         matcher = Matcher(bank, config)
-        window = region.window(frame.camera, high)
+        window = region.window(self.mesh, frame.camera, high)
         if window is not None:
             background = max(0.5 * (low + high), WIDTH / BACKGROUND)
             matcher.add(pyramid.level(background), background_only=True)
@@ -211,6 +213,10 @@ class PoseDetector:
             )
         )  # fmt: skip
         return matcher.candidates(allowed)
+
+    def _in_sight(self, pose: Pose) -> bool:
+        centre = self.mesh.inner(pose.to(torch.float64)).translation
+        return out_of_sight(centre, self.mesh.sphere_diameter, self.camera) is None
 
     def _poses(self, candidates: Candidates, camera: Camera) -> list[Pose]:
         """Poses (mesh file's frame) of candidates that the camera can see."""
@@ -252,9 +258,7 @@ class PoseDetector:
         ranked = sorted((r for r in results if r.pose is not None), key=lambda r: -r.confidence)
         return ranked[:count]
 
-    def _judged(
-        self, frame: Frame, results: Sequence[TrackingResult], instances: int
-    ) -> Detection:
+    def _judged(self, frame: Frame, results: Sequence[TrackingResult], instances: int) -> Detection:
         """Fit the contours, look at every pose once more, and say which of them are right."""
         alive = []
         for result in results:

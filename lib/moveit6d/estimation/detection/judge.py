@@ -13,12 +13,12 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from ...contour import refine_contour
 from ...geometry.crop import View, crop_patch, view_of
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...observation import Observation, observe
 from ...policies import ActionMode, DescriptorPolicy, LoopState
-from ...contour import refine_contour
 from ...rendering.renderer import Renderer
 from ..frame import Frame
 from .config import JudgeConfig

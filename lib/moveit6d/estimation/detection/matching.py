@@ -249,9 +249,7 @@ class Matcher:
             torch.full((len(order),), number),
         )
 
-    def _mask(
-        self, positions: list[tuple[int, int, int]], views: int, allowed: Allowed
-    ) -> Tensor:
+    def _mask(self, positions: list[tuple[int, int, int]], views: int, allowed: Allowed) -> Tensor:
         """Which views may be at which positions: (positions, views)."""
         count = len(positions)
         pixels = torch.tensor([self._pixel(*one) for one in positions])

@@ -86,7 +86,11 @@ def poses_from_points(points: Any, camera: Camera) -> list[Pose]:
 
 
 def _solve(
-    places: NDArray[Any], pixels: NDArray[Any], matrix: NDArray[Any], lens: NDArray[Any], method: int
+    places: NDArray[Any],
+    pixels: NDArray[Any],
+    matrix: NDArray[Any],
+    lens: NDArray[Any],
+    method: int,
 ) -> Sequence[tuple[float, Any, Any]]:
     import cv2
 

@@ -18,6 +18,7 @@ from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 
+NEAR = 0.75  # widths of the object that one may have moved by, and still be near
 BOX_OVERLAP = 0.5  # intersection over union of a template's box and the given one at least
 
 
@@ -64,12 +65,16 @@ class SearchRegion:
         left, top = float(columns.min()) - 0.5, float(rows.min()) - 0.5
         return left, top, float(columns.max()) + 0.5 - left, float(rows.max()) + 0.5 - top
 
-    def window(self, camera: Camera, width: float) -> tuple[int, int, int, int] | None:
+    def window(self, mesh: Mesh, camera: Camera, width: float) -> tuple[int, int, int, int] | None:
         """The part of the image to look at (left, top, right, bottom); None for all of it.
 
         `width` is the largest one of the object that is tried, pixels.
         """
         frame = self.frame()
+        if frame is None and self.near is not None:
+            u, v = _pixel(mesh, self.near, camera).tolist()
+            reach = NEAR * _width(mesh, self.near, camera)
+            frame = u - reach, v - reach, 2 * reach, 2 * reach
         if frame is None:
             return None
         x, y, wide, high = frame
@@ -77,9 +82,11 @@ class SearchRegion:
         left, top = max(0, round(x - margin)), max(0, round(y - margin))
         right = min(camera.width, round(x + wide + margin))
         bottom = min(camera.height, round(y + high + margin))
-        return left, top, right, bottom
+        return (left, top, right, bottom) if left < right and top < bottom else None
 
-    def widths(self, mesh: Mesh, camera: Camera, shares: tuple[float, float]) -> tuple[float, float]:
+    def widths(
+        self, mesh: Mesh, camera: Camera, shares: tuple[float, float]
+    ) -> tuple[float, float]:
         """Smallest and largest width of the object's sphere in pixels that are to be tried.
 
         `shares` of the image's shorter side limit them where nothing else does.
@@ -117,7 +124,7 @@ class SearchRegion:
         if self.near is not None:
             centre = _pixel(mesh, self.near, camera)
             width = _width(mesh, self.near, camera)
-            allowed &= (pixels - centre).norm(dim=1) < 0.75 * width
+            allowed &= (pixels - centre).norm(dim=1) < NEAR * width
         return allowed
 
 
@@ -155,8 +162,9 @@ def _box(values: Any, camera: Camera) -> tuple[float, float, float, float]:
     inside = x < camera.width and y < camera.height and x + width > 0 and y + height > 0
     if width < 4 or height < 4 or not inside:
         raise InputError(
-            f"box {x:g} {y:g} {width:g} {height:g}: left, top, width and height in pixels, at least "
-            f"4 wide and high and inside the image of {camera.width}×{camera.height}, are needed."
+            f"box {x:g} {y:g} {width:g} {height:g}: left, top, width and height in pixels, at "
+            f"least 4 wide and high and inside the image of {camera.width}×{camera.height}, are "
+            "needed."
         )
     return x, y, width, height
 

@@ -120,7 +120,8 @@ class _Views:
 
 def _views(mesh: Mesh, rotations: Tensor, describe: Describe, renderer: Renderer) -> _Views:
     features, covered, boxes = [], [], []
-    for some in rotations.split(BATCH):
+    for first in range(0, len(rotations), BATCH):
+        some = rotations[first : first + BATCH]
         images, mask = _render(mesh, some, renderer)
         described = describe(images)
         # The patch's mean says nothing about where a cell belongs on the object.
@@ -132,7 +133,7 @@ def _views(mesh: Mesh, rotations: Tensor, describe: Describe, renderer: Renderer
 
 
 def _render(mesh: Mesh, rotations: Tensor, renderer: Renderer) -> tuple[Tensor, Tensor]:
-    """Images (B, 3, H, W) on grey and masks (B, 1, H, W) of a mesh turned by rotations (B, 3, 3)."""
+    """Images (B, 3, H, W) on grey and masks (B, 1, H, W) of a mesh, by rotations (B, 3, 3)."""
     count, middle = len(rotations), (PATCH - 1) / 2
     place = torch.tensor([0.0, 0.0, DISTANCE * mesh.sphere_diameter], dtype=torch.float64)
     focal = WIDTH * DISTANCE

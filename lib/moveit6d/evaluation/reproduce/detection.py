@@ -18,8 +18,8 @@ from ...actions import PoseAction, pose_delta
 from ...datasets.sequences import Sequence as Video
 from ...datasets.video import Image
 from ...estimation import SeedDetection, SeedDetector, SelectionCriterion, Target, refine_batch
-from ...estimation.seed_detector import Candidate, best_of
 from ...estimation.frame import prepare_frame
+from ...estimation.seed_detector import Candidate, best_of
 from ...geometry.pose import Pose
 from .. import metrics, paper
 from .convergence import POINTS, Plan, frames_of
