@@ -37,7 +37,9 @@ def test_only_pose_and_time_change(near: Target) -> None:
     found, histograms = refine_result(near, given, make_renderer())
     assert off(found.pose, near.mesh) < 0.8 * off(given.pose, near.mesh)
     assert found.milliseconds > 5.0 and histograms is not None
-    assert replace(found, pose=None, milliseconds=5.0) == replace(given, pose=None)
+    assert found.contour_agreement is not None and found.contour_agreement > 0.5
+    same = replace(found, pose=None, milliseconds=5.0, contour_agreement=None)
+    assert same == replace(given, pose=None)
 
 
 def test_a_failed_result_stays(near: Target) -> None:

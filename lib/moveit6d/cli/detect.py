@@ -83,6 +83,21 @@ def add_parser(verbs: Any) -> None:
     dataset.add_argument("--dataset", type=Path, metavar="DIR", help="BOP data set")
     dataset.add_argument("--split", metavar="NAME", help="folder in it, as test")
     dataset.add_argument("--targets", type=Path, metavar="FILE", help="what is to be found")
+    add_narrowing_options(parser)
+    parser.add_argument(
+        "--method",
+        choices=("templates", "seeds"),
+        default="templates",
+        help="templates compares with the object seen from all sides; seeds is the paper's way, "
+        "by where single iterations lead: one image, no narrowing, minutes",
+    )
+    _add_seed_options(parser)
+    add_tracking_options(parser)
+    parser.set_defaults(run=run)
+
+
+def add_narrowing_options(parser: argparse.ArgumentParser) -> None:
+    """What is known of where the object is."""
     known = parser.add_argument_group("what is known")
     known.add_argument(
         "--box",
@@ -108,13 +123,10 @@ def add_parser(verbs: Any) -> None:
         help="metres from the camera to the object",
     )
     known.add_argument("--start", type=Path, metavar="FILE", help="a pose that is roughly right")
-    parser.add_argument(
-        "--method",
-        choices=("templates", "seeds"),
-        default="templates",
-        help="templates compares with the object seen from all sides; seeds is the paper's way, "
-        "by where single iterations lead: one image, no narrowing, minutes",
-    )
+
+
+def _add_seed_options(parser: argparse.ArgumentParser) -> None:
+    """Of the paper's own way."""
     seeds = parser.add_argument_group("method seeds")
     seeds.add_argument(
         "--criterion",
@@ -133,8 +145,6 @@ def add_parser(verbs: Any) -> None:
     seeds.add_argument("--rotations", type=int, default=60, metavar="N", help="of the grid")
     seeds.add_argument("--sinks", type=int, default=3, metavar="N", help="places looked into")
     seeds.add_argument("--seed", type=int, default=0, metavar="N", help="of the seeded poses")
-    add_tracking_options(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -24,7 +24,7 @@ from ..frame import Frame, prepare_frame
 from ..refine import Target, TrackingResult, check_start, out_of_sight, refine_batch
 from ..seeding import seed_poses
 from .config import DetectorConfig
-from .judge import Evidence, examine
+from .judge import Evidence, similarities
 from .matching import Candidates, Matcher, Pyramid, ladder
 from .points import poses_from_points
 from .region import SearchRegion
@@ -265,14 +265,13 @@ class PoseDetector:
             if result.pose is not None:
                 target = Target(frame, self.camera, self.mesh, result.pose)
                 alive.append(refine_result(target, result, self.renderer)[0])
-        evidence = examine(
-            frame, self.mesh, [r.pose for r in alive if r.pose], self.policy, self.renderer
-        )
-        found = [
-            FoundPose(replace(result, confidence=probability), probability, one)
-            for result, one in zip(alive, evidence, strict=True)
-            for probability in [one.probability(self.config.judge)]
-        ]
+        poses = [one.pose for one in alive if one.pose is not None]
+        cosines = similarities(frame, self.mesh, poses, self.policy, self.renderer)
+        found = []
+        for result, cosine in zip(alive, cosines, strict=True):
+            evidence = Evidence(result.confidence, cosine)
+            probability = evidence.probability(self.config.judge)
+            found.append(FoundPose(replace(result, confidence=probability), probability, evidence))
         found.sort(key=lambda one: -one.probability)
         apart = self._apart(found)
         accepted = [one for one in apart if one.probability >= self.config.accepted][:instances]
