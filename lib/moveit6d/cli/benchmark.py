@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..synthesis.clusters import CLUSTERS
-from . import benchmark_tracking
+from . import benchmark_detection, benchmark_tracking
 from .common import (
     add_beyond_paper_options,
     add_machine_options,
@@ -24,6 +24,8 @@ from .common import (
 
 DESCRIPTION = """\
   moveit6d benchmark tracking   tracks whole sequences, beside rivals' results
+  moveit6d benchmark detection  finds objects in single frames, from nothing
+  moveit6d benchmark recovery   loses objects and finds them again
   moveit6d benchmark rendered   refines rendered objects from starts of a known distance
   moveit6d benchmark iteration    times the parts of one iteration: crop, render, network, move
   moveit6d benchmark oracle     proves the loop with a policy that knows the truth
@@ -75,6 +77,7 @@ def add_parser(verbs: Any) -> None:
     )
     kinds = parser.add_subparsers(title="kinds", metavar="KIND", required=True)
     benchmark_tracking.add_kind(kinds)
+    benchmark_detection.add_kinds(kinds)
     three = add_verb(kinds, "rendered", "refine rendered objects", RENDERED, RENDERED_EXAMPLES)
     three.add_argument("--objects", type=Path, required=True, metavar="DIR", help="meshes, metres")
     three.add_argument("--photos", type=Path, required=True, metavar="DIR", help="backgrounds")
