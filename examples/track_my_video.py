@@ -48,12 +48,12 @@ def main(files: list[str], frames: int = 30) -> None:
         mesh, video, camera, start = map(Path, files)
         track(mesh, video, camera, start)
         return
-    from moveit6d.synthesis.demo_object import demo_object
-    from moveit6d.synthesis.sequence import write_sequence
+    from moveit6d.synthesis.objects.demo_object import demo_object
+    from moveit6d.synthesis.sequences.sequence import write_sequence
 
     with TemporaryDirectory() as place:
         clip = Path(place) / "clip"
-        write_sequence(clip, mesh=demo_object(), seed=1, frames=frames, level="easy")
+        write_sequence(clip, mesh=demo_object(), seed=1, frames=frames, difficulty="easy")
         names = ("mesh.glb", "frames", "camera.json", "start.json")
         track(*(clip / name for name in names))
 

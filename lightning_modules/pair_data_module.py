@@ -22,9 +22,9 @@ from moveit6d.errors import InputError
 from moveit6d.networks.inference import InferenceNetwork
 from moveit6d.networks.weights_file import WEIGHTS_NAME, load_network
 from moveit6d.observation import Observation
-from moveit6d.synthesis.pairs import PairConfig, TrainingBatch
-from moveit6d.synthesis.shards import shard_stream
-from moveit6d.synthesis.source import PairSource, mesh_files
+from moveit6d.synthesis.training.pairs import PairConfig, TrainingBatch
+from moveit6d.synthesis.training.shards import shard_stream
+from moveit6d.synthesis.training.source import PairSource, mesh_files
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class PairDataModule(pl.LightningDataModule):
         occluders: folder of meshes for the bank of occluders; None: the training meshes.
         shapes: random shapes with photo textures beside the meshes.
         symmetric: share of those that are symmetric and say so.
-        bare: share of those that are copies of the meshes without their print.
+        untextured: share of those that are copies of the meshes without their texture.
         renew_every: batches after which one random shape is replaced by a new one; 0: never.
         written: folder of `moveit6d write-pairs`; None: pairs are drawn as training goes.
         batch_size: pairs a batch, in each training process.
@@ -73,7 +73,7 @@ class PairDataModule(pl.LightningDataModule):
         occluders: Path | None = None,
         shapes: int = 60,
         symmetric: float = 0.0,
-        bare: float = 0.0,
+        untextured: float = 0.0,
         renew_every: int = 50,
         written: Path | None = None,
         batch_size: int = 32,
@@ -87,7 +87,7 @@ class PairDataModule(pl.LightningDataModule):
         self.folder, self.mesh_unit, self.holdout = meshes, mesh_unit, holdout
         self.photos, self.photo_limit = photos, photo_limit
         self.occluders, self.written = occluders, written
-        self.shapes, self.symmetric, self.bare = shapes, symmetric, bare
+        self.shapes, self.symmetric, self.untextured = shapes, symmetric, untextured
         self.renew_every = renew_every
         self.batch_size, self.workers = batch_size, workers
         self.validation_batches, self.seed = validation_batches, seed
@@ -161,7 +161,7 @@ class PairDataModule(pl.LightningDataModule):
             self.pairs,
             self.symmetric,
             tuple(others),
-            self.bare,
+            self.untextured,
         )
 
     def _written_stream(self, folder: Path) -> WrittenStream:

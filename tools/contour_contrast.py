@@ -21,7 +21,7 @@ import torch
 from moveit6d.contour.extraction import find_contour
 from moveit6d.datasets.bop import BopDataset, Estimate, by_image, read_results
 from moveit6d.estimation.frame import Frame, prepare_frame
-from moveit6d.evaluation.bop import score_results, targets_of
+from moveit6d.evaluation.bop.add_recall import score_results, targets_of
 from moveit6d.evaluation.tables import markdown, percent
 from moveit6d.geometry.crop import View, crop_patch, look_at
 from moveit6d.geometry.mesh import Mesh
@@ -64,8 +64,15 @@ def main(root: Path, split: str, results: Path) -> None:
             rows.setdefault(estimate.object, []).append(
                 _compare(dataset, estimate, frame, renderer)
             )
-    head = ["object", "poses", "ADD(-S)<10%d", "contrast", "of the truth", "more than the truth",
-            "more, of those not <10%d"]  # fmt: skip
+    head = [
+        "object",
+        "poses",
+        "ADD(-S)<10%d",
+        "contrast",
+        "of the truth",
+        "more than the truth",
+        "more, of those not <10%d",
+    ]
     every = [row for some in rows.values() for row in some]
     print(markdown(head, [_row(str(k), rows[k]) for k in sorted(rows)] + [_row("all", every)]))
 
@@ -89,10 +96,14 @@ def _row(name: str, rows: list[tuple[bool, float, float]]) -> list[str]:
     right, found, true = (np.array(column) for column in zip(*rows, strict=True))
     more, wrong = found > true, ~right.astype(bool)
     return [
-        name, str(len(rows)), percent(float(right.mean())), f"{1e3 * np.nanmean(found):.1f}",
-        f"{1e3 * np.nanmean(true):.1f}", percent(float(more.mean())),
+        name,
+        str(len(rows)),
+        percent(float(right.mean())),
+        f"{1e3 * np.nanmean(found):.1f}",
+        f"{1e3 * np.nanmean(true):.1f}",
+        percent(float(more.mean())),
         percent(float(more[wrong].mean())) if wrong.any() else "-",
-    ]  # fmt: skip
+    ]
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ moveit6d() { .venv/bin/moveit6d "$@"; }
 measure() { # NAME CLUSTER [OPTION …]
     local name=$1 cluster=$2
     shift 2
-    moveit6d benchmark rendered --objects "$output/mesh" --photos "$backgrounds" --cluster "$cluster" \
+    moveit6d benchmark refinement --objects "$output/mesh" --photos "$backgrounds" --cluster "$cluster" \
         --no_contour --threads 1 --number 100 "$@" |
         awk -v name="$name | $cluster" '/^after/ { five = $3; ten = $4 } /^steps/ { median = $NF }
              END { print "| " name " | " five " | " ten " | " median " |" }'

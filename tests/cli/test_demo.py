@@ -12,7 +12,7 @@ from moveit6d.cli.demo import verdict
 from moveit6d.cli.main import main
 from moveit6d.datasets.pose_files import read_poses
 from moveit6d.datasets.sequences import read_sequences
-from moveit6d.evaluation.tracking import Score
+from moveit6d.evaluation.track_scores import Score
 from moveit6d.geometry.crop import Crop
 from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
@@ -39,7 +39,7 @@ def stay(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_demo_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     output = tmp_path / "demo"
-    assert main(["demo", "--output", str(output), "--frames", "3", "--level", "easy"]) == 0
+    assert main(["demo", "--output", str(output), "--frames", "3", "--difficulty", "easy"]) == 0
     said = capsys.readouterr().out
     assert "error against the true poses (ADD): mean" in said
     assert "below 10 % of the diameter (222 mm): 100.0 % of 2 frames" in said

@@ -70,7 +70,7 @@ def test_ycb_tables_come_from_the_same_tracks(
     for name in ("ycb_add", "ycb_auc"):
         assert main(["reproduce", name, "--data", str(data), "--output", str(out)]) == 0
         said = capsys.readouterr()
-        assert "stand-in (in YCB-Video's format" in said.out and "oracle" in said.out
+        assert "surrogate (in YCB-Video's format" in said.out and "oracle" in said.out
         content = report(out, name)
     first = content["tables"]["auc_1"][0]
     assert first["object"] == "035_power_drill" and first["PoseCNN"] == 55.10
@@ -89,7 +89,7 @@ def test_laval_has_a_column_a_model(laval: Path, tmp_path: Path, capsys: Any) ->
     out = tmp_path / "out"
     command = ["reproduce", "laval", "--data", str(laval), "--output", str(out)]
     assert main([*command, "--no_depth_weights", str(flat)]) == 0
-    assert "stand-in (in Laval's format" in capsys.readouterr().out
+    assert "surrogate (in Laval's format" in capsys.readouterr().out
     content = report(out, "laval")
     dog = next(row for row in content["tables"]["errors"] if row["object"] == "dog")
     assert dog["ours full 15 %"] == pytest.approx(0, abs=1e-3)
@@ -123,7 +123,7 @@ def test_runtime_with_and_without_data(own: Path, tmp_path: Path, capsys: Any) -
         content = report(out, "runtime")
         assert ("frames" in content["tables"]) == bool(extra)
         assert content["tables"]["cycle"][1]["paper"] == 5.2
-        assert "stand-in" in capsys.readouterr().out
+        assert "surrogate" in capsys.readouterr().out
 
 
 def test_attention_of_a_network(own: Path, tmp_path: Path) -> None:

@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d.estimation import SeedDetector
 from moveit6d.actions import pose_delta
 from moveit6d.errors import InputError
-from moveit6d.estimation import SeedDetectorConfig, SelectionCriterion, StopReason, TrackingResult
+from moveit6d.estimation import (
+    SeedDetector,
+    SeedDetectorConfig,
+    SelectionCriterion,
+    StopReason,
+    TrackingResult,
+)
 from moveit6d.estimation.seed_detector import BATCH, Candidate, best_of, strongest
 from moveit6d.estimation.seeding import Sink
 from moveit6d.geometry.camera import Camera

@@ -23,8 +23,8 @@ from moveit6d.geometry.mesh import Mesh
 from moveit6d.networks.action_net import ActionConfig, ActionNet
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
 from moveit6d.networks.weights_file import save_network
-from moveit6d.synthesis.shards import ShardPlan, ShardWriter
-from moveit6d.synthesis.source import PairSource
+from moveit6d.synthesis.training.shards import ShardPlan, ShardWriter
+from moveit6d.synthesis.training.source import PairSource
 from tests.support.pairs import small_source
 
 TINY = CorrelationConfig(channels=(4, 6, 8), geometry=(4, 4, 4), context=8, decoder=8, fine=8)
@@ -32,7 +32,7 @@ TINY = CorrelationConfig(channels=(4, 6, 8), geometry=(4, 4, 4), context=8, deco
 
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> PairSource:
-    """Three pictures and one made shape."""
+    """Three pictures and one procedural shape."""
     return small_source(tmp_path_factory.mktemp("photos"))
 
 
@@ -85,9 +85,11 @@ def test_shapes_are_renewed_unless_the_object_is_to_stay(
     original = PairSource.shape
 
     def counted(
-        self: PairSource, random: np.random.Generator, pictures: list[np.ndarray],
+        self: PairSource,
+        random: np.random.Generator,
+        pictures: list[np.ndarray],
         meshes: tuple[Mesh, ...],
-    ) -> Mesh:  # fmt: skip
+    ) -> Mesh:
         shapes.append(original(self, random, pictures, meshes))
         return shapes[-1]
 
@@ -103,7 +105,7 @@ def test_symmetric_shapes_are_as_many_as_wanted(source: PairSource) -> None:
 
 
 def test_bare_copies_of_the_meshes_are_as_many_as_wanted(source: PairSource) -> None:
-    some = dataclasses.replace(source, bare=0.5)
+    some = dataclasses.replace(source, untextured=0.5)
     random = np.random.default_rng(0)
     mesh = some.shape(random, [])
     drawn = [some.shape(random, [], [mesh]) for _ in range(40)]

@@ -41,8 +41,11 @@ def test_a_place_in_the_picture_is_a_frame() -> None:
     assert found["first"] == -0.5 and found["last"] == 19.5
     width = float(ElementTree.fromstring(text).attrib["viewBox"].split()[2])
     # The axes' own background is the second path of the figure, from edge to edge.
-    paths = [node.attrib["d"] for node in ElementTree.fromstring(text).iter()
-             if node.tag.endswith("path")]  # fmt: skip
+    paths = [
+        node.attrib["d"]
+        for node in ElementTree.fromstring(text).iter()
+        if node.tag.endswith("path")
+    ]
     numbers = [float(word) for word in paths[1].split() if word not in ("M", "L", "z")]
     assert min(numbers[::2]) / width == pytest.approx(found["left"], abs=1e-3)
     assert max(numbers[::2]) / width == pytest.approx(found["right"], abs=1e-3)

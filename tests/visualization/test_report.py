@@ -51,19 +51,25 @@ def run(scene: Any) -> Run:
     rows[5] = PoseRow(5, "5.png", stopped_by="failed")
     rows[6] = replace(rows[6], reset=True)
     return Run(
-        title="brick <1>", verdict="7 frames", mesh=scene.mesh, camera=scene.camera,
-        frames=Film(scene), rows=rows, facts={"weights": "none & nothing"},
+        title="brick <1>",
+        verdict="7 frames",
+        mesh=scene.mesh,
+        camera=scene.camera,
+        frames=Film(scene),
+        rows=rows,
+        facts={"weights": "none & nothing"},
         failures={5: "5.png is <damaged>"},
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
 def scored(run: Run, scene: Any) -> Run:
     errors = {
-        frame: Errors(0.001 * frame, 0.002, 1.0) if run.rows[frame].pose is not None
+        frame: Errors(0.001 * frame, 0.002, 1.0)
+        if run.rows[frame].pose is not None
         else Errors(math.inf, math.inf, 180.0)
         for frame in range(1, 8)
-    }  # fmt: skip
+    }
     errors[2] = Errors(0.05, 0.04, 20.0)
     return replace(run, errors=errors, truth={frame: scene.pose(frame) for frame in range(8)})
 

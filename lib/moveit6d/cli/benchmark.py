@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ..synthesis.clusters import CLUSTERS
+from ..synthesis.training.clusters import CLUSTERS
 from . import benchmark_detection, benchmark_tracking
 from .common import (
     add_beyond_paper_options,
@@ -26,7 +26,7 @@ DESCRIPTION = """\
   moveit6d benchmark tracking   tracks whole sequences, beside rivals' results
   moveit6d benchmark detection  finds objects in single frames, from nothing
   moveit6d benchmark recovery   loses objects and finds them again
-  moveit6d benchmark rendered   refines rendered objects from starts of a known distance
+  moveit6d benchmark refinement   refines rendered objects from starts of a known distance
   moveit6d benchmark iteration    times the parts of one iteration: crop, render, network, move
   moveit6d benchmark oracle     proves the loop with a policy that knows the truth
 """
@@ -45,25 +45,25 @@ examples:
   moveit6d benchmark oracle --starts 1000 --renderer pyrender
 """
 
-RENDERED = """\
+REFINEMENT = """\
 Renders every object of a folder at random poses before photos, takes the pose away by the
 units of one of the paper's clusters on all six axes, refines, and prints the share of cases
 with ADD below 2, 5 and 10 % of the diameter before and after, and how many iterations it took.
 """
 
-RENDERED_EXAMPLES = """\
+REFINEMENT_EXAMPLES = """\
 examples:
-  moveit6d benchmark rendered --objects meshes --photos photos --cluster all_small
-  moveit6d benchmark rendered --objects meshes --photos photos --cluster all_large --covered 1
+  moveit6d benchmark refinement --objects meshes --photos photos --cluster all_small
+  moveit6d benchmark refinement --objects meshes --photos photos --cluster all_large --occluded 1
 """
 
-CYCLE = """\
+ITERATION = """\
 One iteration cuts the patch out of the frame, renders the object at the current pose, asks the
 network and updates the pose. This prints the median time of each part over many iterations on one
 object, made by the library itself if no --mesh is given, in a frame of 640x480.
 """
 
-CYCLE_EXAMPLES = """\
+ITERATION_EXAMPLES = """\
 examples:
   moveit6d benchmark iteration --threads 1
   moveit6d benchmark iteration --mesh drill.glb --mesh_unit m --repeats 200
@@ -78,14 +78,16 @@ def add_parser(verbs: Any) -> None:
     kinds = parser.add_subparsers(title="kinds", metavar="KIND", required=True)
     benchmark_tracking.add_kind(kinds)
     benchmark_detection.add_kinds(kinds)
-    three = add_verb(kinds, "rendered", "refine rendered objects", RENDERED, RENDERED_EXAMPLES)
+    three = add_verb(
+        kinds, "refinement", "refine rendered objects", REFINEMENT, REFINEMENT_EXAMPLES
+    )
     three.add_argument("--objects", type=Path, required=True, metavar="DIR", help="meshes, metres")
     three.add_argument("--photos", type=Path, required=True, metavar="DIR", help="backgrounds")
     three.add_argument(
         "--cluster", choices=CLUSTERS, default="all_small", help="how far the starts are off"
     )
     three.add_argument(
-        "--covered",
+        "--occluded",
         type=float,
         default=0.0,
         metavar="SHARE",
@@ -95,12 +97,14 @@ def add_parser(verbs: Any) -> None:
     three.add_argument("--seed", type=int, default=0, metavar="N", help="of the cases")
     add_tracking_options(three)
     add_beyond_paper_options(three)
-    three.set_defaults(run=rendered)
+    three.set_defaults(run=refinement)
     four = add_verb(kinds, "oracle", "prove the loop", ORACLE, ORACLE_EXAMPLES)
     four.add_argument("--starts", type=positive, default=100, metavar="N", help="loops a mode")
     add_machine_options(four)
     four.set_defaults(run=oracle)
-    two = add_verb(kinds, "iteration", "time the parts of one iteration", CYCLE, CYCLE_EXAMPLES)
+    two = add_verb(
+        kinds, "iteration", "time the parts of one iteration", ITERATION, ITERATION_EXAMPLES
+    )
     two.add_argument("--mesh", type=Path, metavar="FILE", help="object instead of a made one")
     two.add_argument("--mesh_unit", choices=("m", "mm"), default="m", help="the mesh's unit")
     two.add_argument("--repeats", type=positive, default=100, metavar="N", help="iterations")
@@ -113,16 +117,16 @@ def iteration(args: argparse.Namespace) -> int:
     """Time the parts of one iteration."""
     import torch
 
-    from ..evaluation.cycle import WARM_UP, time_cycle
+    from ..evaluation.iteration_timing import WARM_UP, time_iteration
     from ..evaluation.tables import plain
     from ..geometry.mesh import Mesh
-    from ..synthesis.demo_object import demo_object
+    from ..synthesis.objects.demo_object import demo_object
 
     mesh = demo_object() if args.mesh is None else Mesh.load(args.mesh, args.mesh_unit)
     policy, renderer = set_up(args)
     count = args.repeats + WARM_UP
     rounds = progress(range(count), count, "cycle", "cycle")
-    times = time_cycle(mesh, policy, renderer, rounds)
+    times = time_iteration(mesh, policy, renderer, rounds)
     rows = [[part, f"{value:.2f}"] for part, value in times.parts.items()]
     rows += [["sum", f"{times.total:.2f}"], ["whole iteration", f"{times.whole:.2f}"]]
     print(
@@ -133,17 +137,17 @@ def iteration(args: argparse.Namespace) -> int:
     return 0
 
 
-def rendered(args: argparse.Namespace) -> int:
+def refinement(args: argparse.Namespace) -> int:
     """Refine rendered objects."""
     import numpy as np
     import torch
 
     from ..errors import InputError
     from ..evaluation.metrics import ADD_LIMIT, auroc
-    from ..evaluation.rendered import make_cases, run_cases
+    from ..evaluation.synthetic_refinement import make_cases, run_cases
     from ..evaluation.tables import plain
     from ..geometry.mesh import Mesh
-    from ..synthesis.photos import load_photos
+    from ..synthesis.augmentation.photos import load_photos
 
     paths = sorted(p for p in args.objects.glob("*") if p.suffix in (".glb", ".ply", ".obj"))
     if not paths:
@@ -156,7 +160,7 @@ def rendered(args: argparse.Namespace) -> int:
             photos,
             renderer,
             cluster=args.cluster,
-            covered=args.covered,
+            occluded=args.occluded,
             number=args.number,
             seed=args.seed,
         )
@@ -175,7 +179,7 @@ def rendered(args: argparse.Namespace) -> int:
         rows.append([name, *shares, f"{100 * float(np.median(errors)):.2f}"])
     print(
         f"{len(found)} cases, {len(meshes)} objects, cluster {args.cluster}, covered "
-        f"{args.covered:g}, seed {args.seed}\n"
+        f"{args.occluded:g}, seed {args.seed}\n"
     )
     print(plain(["", "ADD<2%", "ADD<5%", "ADD<10%", "median % d"], rows))
     iterations = [case.result.iterations for case in found]
@@ -194,7 +198,7 @@ def oracle(args: argparse.Namespace) -> int:
     from ..evaluation.tables import plain
     from ..policies import ActionMode
     from ..rendering.renderer import make_renderer
-    from ..synthesis.shapes import random_object
+    from ..synthesis.objects.shapes import random_object
 
     use_threads(args.threads)
     renderer = make_renderer(args.renderer)

@@ -64,7 +64,7 @@ def run_detection(args: argparse.Namespace) -> int:
         detection_table,
     )
     from ..geometry.mesh import Mesh
-    from ..synthesis.source import mesh_files
+    from ..synthesis.training.source import mesh_files
 
     if args.sequences is None and (args.photos is None or args.objects is None):
         raise InputError("give --sequences, or --photos and --objects, or all three.")
@@ -98,8 +98,8 @@ def run_recovery(args: argparse.Namespace) -> int:
         recovery_table,
         score_recovery,
     )
-    from ..evaluation.rollout import TRACKED_COLUMNS, calibrating, follow
-    from ..evaluation.tracking import Surface
+    from ..evaluation.run_tracker import calibrating, run_tracker
+    from ..evaluation.track_scores import EvaluationPoints
 
     policy, renderer = set_up(args)
     photos = [image for _, image in _photos(args.photos, None)]
@@ -114,9 +114,11 @@ def run_recovery(args: argparse.Namespace) -> int:
             recovery=RecoveryConfig(max_milliseconds=args.max_milliseconds),
         )  # fmt: skip
         frames = cut(calibrating(tracker, video.open()), photos, number)
-        rows = {step.frame.index: step.row for step in follow(tracker, frames)}
-        write_poses(output / f"{video.name}.csv", list(rows.values()), TRACKED_COLUMNS)
-        one = score_recovery(rows, video.truth, Surface.of(mesh, symmetric=video.symmetric))
+        rows = {step.frame.index: step.row for step in run_tracker(tracker, frames)}
+        write_poses(output / f"{video.name}.csv", list(rows.values()))
+        one = score_recovery(
+            rows, video.truth, EvaluationPoints.of(mesh, symmetric=video.symmetric)
+        )
         scores[video.level] = scores[video.level] + one if video.level in scores else one
         print(recovery_table({video.name: one}).splitlines()[2], flush=True)
     print(recovery_table(scores))

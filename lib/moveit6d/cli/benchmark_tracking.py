@@ -28,8 +28,8 @@ from .common import (
 
 if TYPE_CHECKING:
     from ..datasets.sequences import Sequence
-    from ..evaluation.tracking import Score
-    from ..parallel import Outcome
+    from ..evaluation.track_scores import Score
+    from ..parallel import JobResult
     from ..policies import Policy
     from ..rendering.renderer import Renderer
     from .sequence_job import SequenceJob, Tracked
@@ -164,12 +164,12 @@ def rivals(folder: Path | None, sequences: list[Sequence]) -> dict[str, dict[str
 
 def make_job(sequence: Sequence, args: argparse.Namespace) -> SequenceJob:
     """The task for one sequence."""
-    from ..datasets.catalog import stand_in
+    from ..datasets.catalog import surrogate
     from ..evaluation.protocols import PROTOCOLS as known
     from .sequence_job import SequenceJob
 
     facts = {
-        "data": " ".join(filter(None, [str(args.sequences), stand_in(args.sequences)])),
+        "data": " ".join(filter(None, [str(args.sequences), surrogate(args.sequences)])),
         "protocol": args.protocol,
         **{name: str(value) for name, value in weights_facts(args.weights).items()},
         "moveit6d": versions()["moveit6d"],
@@ -209,19 +209,19 @@ class Bench:
                 self._unmark(job)
             else:
                 self._finish(job, rows)
-        for outcome in self._outcomes(waiting):
-            job = waiting[outcome.index]
-            if outcome.result is not None:
-                self._finish(job, outcome.result)
+        for job_result in self._job_results(waiting):
+            job = waiting[job_result.index]
+            if job_result.result is not None:
+                self._finish(job, job_result.result)
                 continue
             if len(self.jobs) == 1:
-                raise InputError(str(outcome.error))
-            self.errors[job.sequence.name] = str(outcome.error)
-            note(f"{job.sequence.name}: {outcome.error}")
+                raise InputError(str(job_result.error))
+            self.errors[job.sequence.name] = str(job_result.error)
+            note(f"{job.sequence.name}: {job_result.error}")
 
     def show(self, trackers: dict[str, dict[str, Score]]) -> None:
         """Print the tables, and write the page that leads to the others."""
-        from ..evaluation.tracking import comparison_table, tracking_table
+        from ..evaluation.track_scores import comparison_table, tracking_table
 
         names = [job.sequence.name for job in self.jobs]
         ours = {name: self.scores[name] for name in names if name in self.scores}
@@ -235,7 +235,7 @@ class Bench:
         if self.args.report is not None:
             self._index("\n\n".join(tables), ours)
 
-    def _outcomes(self, jobs: list[SequenceJob]) -> Iterator[Outcome[Tracked]]:
+    def _job_results(self, jobs: list[SequenceJob]) -> Iterator[JobResult[Tracked]]:
         from ..parallel import run_jobs
         from . import sequence_job
 
@@ -278,7 +278,7 @@ class Bench:
 
     def _kept(self, job: SequenceJob) -> Tracked | None:
         """The track that --output holds already, if it is whole and was made the same way."""
-        from ..evaluation.tracking import read_track
+        from ..evaluation.track_scores import read_track
         from ..io import read_json
         from .reporting import Gathered
         from .sequence_job import Tracked, page_of

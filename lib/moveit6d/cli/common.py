@@ -19,7 +19,7 @@ from .. import __version__
 from ..errors import InputError
 
 if TYPE_CHECKING:
-    from ..evaluation.rollout import Step
+    from ..evaluation.run_tracker import TrackedFrame
     from ..networks.inference import Compute
     from ..policies import Policy
     from ..rendering.renderer import Renderer
@@ -236,7 +236,7 @@ def note(text: str) -> None:
     tqdm.write(f"moveit6d: {text}", file=sys.stderr)
 
 
-def complaining(steps: Iterable[Step], prefix: str = "") -> Iterator[Step]:
+def complaining(steps: Iterable[TrackedFrame], prefix: str = "") -> Iterator[TrackedFrame]:
     """The same steps, with a line on stderr where frames begin to fail or fail differently."""
     last = None
     for step in steps:

@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     from PIL import Image
 
     from ..io import replacing
-    from ..synthesis.contact_sheet import contact_sheet
+    from ..synthesis.training.contact_sheet import contact_sheet
 
     use_threads(1)
     source = data_of(args).source()

@@ -17,10 +17,10 @@ from .common import (
     positive,
     progress_bar,
 )
-from .synthesize import LEVELS
+from .synthesize import DIFFICULTIES
 
 if TYPE_CHECKING:
-    from ..evaluation.tracking import Score
+    from ..evaluation.track_scores import Score
 
 DESCRIPTION = """\
 The clip is made on the spot: a toy robot in hand-like motion, with motion blur, changing light, a
@@ -36,7 +36,7 @@ files written to --output:
 EPILOG = """\
 examples:
   moveit6d demo --output demo
-  moveit6d demo --output demo --level hard --seed 3
+  moveit6d demo --output demo --difficulty hard --seed 3
 """
 
 
@@ -48,7 +48,9 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--output", type=Path, default=Path("demo"), metavar="DIR", help="folder for the results"
     )
-    parser.add_argument("--level", choices=LEVELS, default="medium", help="how hard the clip is")
+    parser.add_argument(
+        "--difficulty", choices=DIFFICULTIES, default="medium", help="how hard the clip is"
+    )
     parser.add_argument(
         "--seed", type=int, default=4, metavar="N", help="another seed, another clip"
     )
@@ -64,9 +66,9 @@ def add_parser(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Make, follow, score."""
     from ..datasets.sequences import read_sequence
-    from ..evaluation.tracking import Surface, read_track, score
-    from ..synthesis.demo_object import demo_object
-    from ..synthesis.sequence import write_sequence
+    from ..evaluation.track_scores import EvaluationPoints, read_track, score
+    from ..synthesis.objects.demo_object import demo_object
+    from ..synthesis.sequences.sequence import write_sequence
     from . import track
 
     folder = new_folder(args.output) / "sequence"
@@ -76,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
             mesh=demo_object(),
             seed=args.seed,
             frames=args.frames,
-            level=args.level,
+            difficulty=args.difficulty,
             on_frame=lambda _: bar.update(),
         )
     given = {
@@ -97,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
     sequence = read_sequence(folder)[0]
     mesh = sequence.load_mesh()
     found = read_track(args.output / "track" / "poses.csv")
-    print(verdict(score(found, sequence.truth, Surface.of(mesh)), mesh.diameter))
+    print(verdict(score(found, sequence.truth, EvaluationPoints.of(mesh)), mesh.diameter))
     if not args.no_overlay:
         print(f"Look at {args.output / 'track' / 'overlay.mp4'}")
     return 0

@@ -6,14 +6,14 @@ Never decides what is drawn how; `visualization` does.
 from __future__ import annotations
 
 from ..datasets.video import Image
-from ..evaluation.rollout import Step
+from ..evaluation.run_tracker import TrackedFrame
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..rendering.renderer import Renderer
 from ..visualization.overlay import GREEN, RED, blank, draw_pose, draw_text
 
 
-def draw_step(step: Step, mesh: Mesh, camera: Camera, renderer: Renderer) -> Image:
+def draw_step(step: TrackedFrame, mesh: Mesh, camera: Camera, renderer: Renderer) -> Image:
     """The picture of one frame of overlay.mp4: outline, axes and a line of text."""
     row = step.row
     image = step.frame.image

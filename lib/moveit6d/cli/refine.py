@@ -111,11 +111,11 @@ def run(args: argparse.Namespace) -> int:
     )
     done: dict[int, Estimate] = {}
     try:
-        for outcome in progress(outcomes, len(images), "refine", "image"):
-            (scene, image), rows = images[outcome.index]
-            refined = outcome.result
+        for job_result in progress(outcomes, len(images), "refine", "image"):
+            (scene, image), rows = images[job_result.index]
+            refined = job_result.result
             if refined is None:
-                note(f"image {image} of scene {scene}: {outcome.error}")
+                note(f"image {image} of scene {scene}: {job_result.error}")
                 refined = [replace(initial[row], score=0.0, seconds=0.0) for row in rows]
             done.update(zip(rows, refined, strict=True))
     finally:

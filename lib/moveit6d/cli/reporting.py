@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from ..datasets.pose_files import PoseRow
     from ..datasets.sequences import Sequence
     from ..datasets.video import FrameSource
-    from ..evaluation.rollout import Step
-    from ..evaluation.tracking import Score
+    from ..evaluation.run_tracker import TrackedFrame
+    from ..evaluation.track_scores import Score
     from ..geometry.camera import Camera
     from ..geometry.mesh import Mesh
     from ..geometry.pose import Pose
@@ -32,7 +32,7 @@ class Gathered:
     rows: dict[int, PoseRow] = field(default_factory=dict)
     failures: dict[int, str] = field(default_factory=dict)
 
-    def add(self, step: Step) -> None:
+    def add(self, step: TrackedFrame) -> None:
         """Take note of one more frame."""
         self.rows[step.row.frame] = step.row
         if step.error is not None:
@@ -108,11 +108,11 @@ def sequence_page(
 ) -> str:
     """The page of one sequence; errors are against `truth`, the first of which is not counted."""
     from ..estimation.track_state import LOW_CONFIDENCE
-    from ..evaluation.tracking import Surface, frame_errors
+    from ..evaluation.track_scores import EvaluationPoints, frame_errors
     from ..visualization.report import Run, report_page
 
     mesh = sequence.load_mesh()
-    surface = Surface.of(mesh, symmetric=sequence.symmetric)
+    surface = EvaluationPoints.of(mesh, symmetric=sequence.symmetric)
     errors = frame_errors(gathered.rows, truth, surface)
     run = Run(
         title=sequence.name,

@@ -28,9 +28,9 @@ from .reproduce_pages import DESCRIPTION, EPILOG, KINDS
 
 if TYPE_CHECKING:
     from ..datasets.sequences import Sequence
-    from ..evaluation.reproduce.outcome import Outcome
-    from ..evaluation.reproduce.tracks import Track
-    from ..evaluation.rollout import Step
+    from ..evaluation.reproduce.reproduction import Reproduction
+    from ..evaluation.reproduce.tracks import ScoredTrack
+    from ..evaluation.run_tracker import TrackedFrame
     from ..policies import Policy
     from ..rendering.renderer import Renderer
 
@@ -112,15 +112,15 @@ def _add_own(parser: argparse.ArgumentParser, name: str) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run one reproduction, print it and write its files."""
-    from ..evaluation.reproduce.outcome import write_outcome
+    from ..evaluation.reproduce.reproduction import write_reproduction
     from ..visualization.plots import draw
 
-    outcome = RUNS[args.name](args)
-    print(outcome.markdown())
+    reproduction = RUNS[args.name](args)
+    print(reproduction.markdown())
     folder = new_folder(args.output)
-    write_outcome(outcome, folder)
-    for chart in outcome.charts:
-        draw(chart, folder, outcome.data)
+    write_reproduction(reproduction, folder)
+    for chart in reproduction.charts:
+        draw(chart, folder, reproduction.data)
     note(f"written to {folder}.")
     return 0
 
@@ -160,18 +160,18 @@ def _facts(args: argparse.Namespace, policy: Policy, weights: Path | None) -> di
     }
 
 
-def _watched(video: Sequence, steps: Iterator[Step]) -> Iterator[Step]:
-    watched: Iterator[Step] = progress(steps, len(video.truth), video.name)
+def _watched(video: Sequence, steps: Iterator[TrackedFrame]) -> Iterator[TrackedFrame]:
+    watched: Iterator[TrackedFrame] = progress(steps, len(video.truth), video.name)
     return complaining(watched, f"{video.name}, ")
 
 
 def _tracks(
     args: argparse.Namespace, videos: list[Sequence], weights: Path | None, place: str = "tracks"
-) -> tuple[Iterator[Track], dict[str, Any]]:
+) -> tuple[Iterator[ScoredTrack], dict[str, Any]]:
     """Tracks under the paper's protocol, kept in the output folder, and the settings."""
     from ..estimation import PoseTracker
     from ..evaluation.protocols import PAPER
-    from ..evaluation.reproduce.tracks import Setting, run_tracks
+    from ..evaluation.reproduce.tracks import TrackSettings, run_tracks
 
     policy, renderer = _tools(args, weights, args.mode)
     limit = args.max_iterations or PAPER.max_iterations
@@ -191,11 +191,11 @@ def _tracks(
     kept = {k: v for k, v in facts.items() if k not in ("only", "versions")}
     kept["data"] = args.data.resolve().name
     folder = new_folder(args.output) / place
-    setting = Setting(make_tracker, lambda _: PAPER, kept, folder, args.frames)
+    setting = TrackSettings(make_tracker, lambda _: PAPER, kept, folder, args.frames)
     return run_tracks(videos, setting, _watched), facts
 
 
-def _ycb(args: argparse.Namespace) -> Outcome:
+def _ycb(args: argparse.Namespace) -> Reproduction:
     from ..evaluation.reproduce import ycb
 
     videos, data = _opened(args)
@@ -203,29 +203,29 @@ def _ycb(args: argparse.Namespace) -> Outcome:
     scores = ycb.measure(tracks)
     if not scores.plain:
         raise InputError(f"{args.data}: no sequence has a frame to score.")
-    make = ycb.add_outcome if args.name == "ycb_add" else ycb.auc_outcome
+    make = ycb.add_reproduction if args.name == "ycb_add" else ycb.auc_reproduction
     return make(scores, data, facts)
 
 
-def _laval(args: argparse.Namespace) -> Outcome:
-    from ..evaluation import paper
+def _laval(args: argparse.Namespace) -> Reproduction:
     from ..evaluation.reproduce import laval
+    from ..evaluation.reproduce import published_figures as published
 
     videos, data = _opened(args)
     videos = laval.occlusion_videos(videos)
-    weights = {paper.LAVAL_MODELS[0]: (args.weights, "tracks")}
+    weights = {published.LAVAL_MODELS[0]: (args.weights, "tracks")}
     if args.no_depth_weights is not None:
-        weights[paper.LAVAL_MODELS[1]] = (args.no_depth_weights, "tracks_no_depth")
+        weights[published.LAVAL_MODELS[1]] = (args.no_depth_weights, "tracks_no_depth")
     models: dict[str, laval.Figures] = {}
     facts: dict[str, Any] = {}
     for model, (file, place) in weights.items():
         tracks, mine = _tracks(args, videos, file, place)
         models[model] = laval.measure(tracks)
         facts = {**facts, model: mine} if facts else mine
-    return laval.outcome(models, data, facts)
+    return laval.reproduction(models, data, facts)
 
 
-def _convergence(args: argparse.Namespace) -> Outcome:
+def _convergence(args: argparse.Namespace) -> Reproduction:
     from ..evaluation.reproduce import convergence
 
     videos, data = _opened(args)
@@ -247,16 +247,16 @@ def _convergence(args: argparse.Namespace) -> Outcome:
         "step": plan.step,
         "max_iterations": plan.max_iterations,
     }
-    return convergence.outcome(trials, data, facts)
+    return convergence.reproduction(trials, data, facts)
 
 
-def _runtime(args: argparse.Namespace) -> Outcome:
-    from ..evaluation.cycle import WARM_UP, time_cycle
+def _runtime(args: argparse.Namespace) -> Reproduction:
+    from ..evaluation.iteration_timing import WARM_UP, time_iteration
     from ..evaluation.reproduce import runtime
-    from ..synthesis.demo_object import demo_object
+    from ..synthesis.objects.demo_object import demo_object
 
-    tracks: list[Track] = []
-    data = "stand-in (an object made by the library)"
+    tracks: list[ScoredTrack] = []
+    data = "surrogate (an object made by the library)"
     mesh = demo_object() if args.data is None else None
     if args.data is not None:
         videos, data = _opened(args)
@@ -266,7 +266,7 @@ def _runtime(args: argparse.Namespace) -> Outcome:
     assert mesh is not None
     policy, renderer = _tools(args, args.weights, args.mode)
     count = args.repeats + WARM_UP
-    times = time_cycle(
+    times = time_iteration(
         mesh, policy, renderer, progress(range(count), count, "iteration", "iteration")
     )
     facts = {
@@ -276,10 +276,10 @@ def _runtime(args: argparse.Namespace) -> Outcome:
         "threads": args.threads,
         "iterations": args.repeats,
     }
-    return runtime.outcome(times, tracks, data, facts)
+    return runtime.reproduction(times, tracks, data, facts)
 
 
-def _attention(args: argparse.Namespace) -> Outcome:
+def _attention(args: argparse.Namespace) -> Reproduction:
     from ..evaluation.reproduce import attention
     from ..networks.weights_file import load_network
     from ..policies import load_policy
@@ -292,10 +292,10 @@ def _attention(args: argparse.Namespace) -> Outcome:
         policies[path.stem if steps is None else f"{steps} steps"] = load_policy(path)
     policies["model"] = policy
     cases = attention.patches(videos, args.frames or 1, renderer)
-    return attention.outcome(cases, policies, data, _facts(args, policy, args.weights))
+    return attention.reproduction(cases, policies, data, _facts(args, policy, args.weights))
 
 
-def _detection(args: argparse.Namespace) -> Outcome:
+def _detection(args: argparse.Namespace) -> Reproduction:
     from ..estimation import SeedDetector, SeedDetectorConfig
     from ..evaluation.reproduce import detection
 
@@ -331,10 +331,10 @@ def _detection(args: argparse.Namespace) -> Outcome:
         "max_iterations": limit,
         "detector": vars(config),
     }
-    return detection.outcome(trials, example, data, facts)
+    return detection.reproduction(trials, example, data, facts)
 
 
-RUNS: Mapping[str, Callable[[argparse.Namespace], Outcome]] = {
+RUNS: Mapping[str, Callable[[argparse.Namespace], Reproduction]] = {
     "ycb_add": _ycb,
     "ycb_auc": _ycb,
     "laval": _laval,

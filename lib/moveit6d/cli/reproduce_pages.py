@@ -20,7 +20,7 @@ printed ones is noted, not corrected.
 
 files written to --output: NAME.md (also printed), NAME.json, a CSV a table, PNG and SVG of
 the charts; for tables from tracks also tracks/, which are used again by the next command with
-the same settings. Data that is not recognised as the published set is called a stand-in.
+the same settings. Data that is not recognised as the published set is called a surrogate.
 """
 
 EPILOG = """\

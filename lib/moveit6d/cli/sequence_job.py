@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..datasets.pose_files import PoseRow
     from ..datasets.sequences import Sequence
     from ..evaluation.protocols import Protocol
-    from ..evaluation.rollout import Step
+    from ..evaluation.run_tracker import TrackedFrame
     from ..policies import Policy
     from ..rendering.renderer import Renderer
 
@@ -96,14 +96,14 @@ def page_of(job: SequenceJob, gathered: Gathered, renderer: Renderer) -> str:
     return sequence_page(job.sequence, gathered, truth, score, job.facts, renderer)
 
 
-def _with_bar(sequence: Sequence, steps: Iterator[Step]) -> Iterator[Step]:
+def _with_bar(sequence: Sequence, steps: Iterator[TrackedFrame]) -> Iterator[TrackedFrame]:
     length = sequence.open().length
     return progress(steps, None if length is None else length - 1, sequence.name)
 
 
 def _drawn(
-    job: SequenceJob, steps: Iterator[Step], renderer: Renderer, gathered: Gathered
-) -> Iterator[Step]:
+    job: SequenceJob, steps: Iterator[TrackedFrame], renderer: Renderer, gathered: Gathered
+) -> Iterator[TrackedFrame]:
     """The same steps; failures are said on stderr, and all goes into a video and a log if asked."""
     from ..visualization.video import VideoWriter
     from .drawing import draw_step

@@ -27,7 +27,7 @@ from .common import (
 from .reporting import check_report, reporting, rerun_log
 
 if TYPE_CHECKING:
-    from ..evaluation.rollout import Record
+    from ..evaluation.run_tracker import TrackSummary
 
 DESCRIPTION = """\
 Finds the pose in every frame, each starting from the one before; the first frame starts from
@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.pose_files import PoseWriter, read_camera, read_pose
     from ..datasets.video import LiveCamera, Prefetched, open_frames
     from ..estimation import PoseTracker
-    from ..evaluation.rollout import Record, calibrating, follow
+    from ..evaluation.run_tracker import TrackSummary, calibrating, run_tracker
     from ..geometry.mesh import Mesh
     from .drawing import draw_step
 
@@ -121,7 +121,7 @@ def run(args: argparse.Namespace) -> int:
         contour=not args.no_contour,
     )
     output = new_folder(args.output)
-    record = Record()
+    record = TrackSummary()
     with (
         _summary(output / "summary.json", record, args),
         reporting(args.report, _about(args), mesh, camera, frames, renderer) as page,
@@ -133,7 +133,7 @@ def run(args: argparse.Namespace) -> int:
         ahead = frames if isinstance(frames, LiveCamera) else Prefetched(frames)
         watched = progress(ahead, frames.length, "track")
         known = calibrating(tracker, watched) if args.exact_start else watched
-        for step in complaining(follow(tracker, known)):
+        for step in complaining(run_tracker(tracker, known)):
             table.write(step.row)
             record.add(step)
             page.add(step)
@@ -156,7 +156,7 @@ def _about(args: argparse.Namespace) -> dict[str, str]:
 
 
 @contextmanager
-def _summary(path: Path, record: Record, args: argparse.Namespace) -> Iterator[None]:
+def _summary(path: Path, record: TrackSummary, args: argparse.Namespace) -> Iterator[None]:
     """Write the summary when the block ends, however it ends, if there was a frame."""
     from ..io import write_json
 
@@ -184,7 +184,7 @@ def _movie(path: Path, fps: float | None, left_out: bool) -> AbstractContextMana
     return nullcontext() if left_out else VideoWriter(path, fps or 25.0)
 
 
-def _verdict(record: Record, output: Path) -> int:
+def _verdict(record: TrackSummary, output: Path) -> int:
     if record.failed == record.frames:
         first = record.failures[0]["error"] if record.failures else "there was no frame."
         raise InputError(f"no frame could be tracked; the first says: {first}")

@@ -178,11 +178,13 @@ class BopDataset:
         try:
             return [
                 BopTarget(
-                    int(entry["scene_id"]), int(entry["im_id"]),
-                    entry.get("obj_id"), entry.get("inst_count"),
+                    int(entry["scene_id"]),
+                    int(entry["im_id"]),
+                    entry.get("obj_id"),
+                    entry.get("inst_count"),
                 )
                 for entry in read_json_list(path)
-            ]  # fmt: skip
+            ]
         except (KeyError, TypeError) as error:
             raise InputError(f"{path}: a target needs scene_id and im_id ({error}).") from None
 

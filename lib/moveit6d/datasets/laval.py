@@ -27,8 +27,8 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..io import read_json, replacing, replacing_folder, write_json
+from .mesh_writers import write_ply
 from .sequences import Sequence
-from .surfaces import write_ply
 from .video import Image
 
 OBJECTS = (

@@ -24,8 +24,8 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..io import replacing, replacing_folder
+from .mesh_writers import write_obj
 from .sequences import Sequence
-from .surfaces import write_obj
 from .video import Image
 
 OBJECTS = (

@@ -20,7 +20,7 @@ from ..policies import Policy
 from ..rendering.renderer import Renderer
 from . import metrics
 from .tables import markdown, percent
-from .tracking import Surface
+from .track_scores import EvaluationPoints
 
 FIELD_OF_VIEW = 0.96  # focal length of a photo's pretended camera, in longer sides
 
@@ -51,7 +51,7 @@ def detect_in_sequence(
 ) -> Iterator[DetectedFrame]:
     """Look for a sequence's object in some of its frames, from nothing."""
     mesh = video.load_mesh()
-    surface = Surface.of(mesh, symmetric=video.symmetric)
+    surface = EvaluationPoints.of(mesh, symmetric=video.symmetric)
     detector = PoseDetector(mesh, video.camera, policy=policy, renderer=renderer, store=store)
     detector.prepare()
     wanted = {frame for frame in frames if frame in video.truth}

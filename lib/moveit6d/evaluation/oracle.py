@@ -17,8 +17,8 @@ from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
 from ..policies import ActionMode, OraclePolicy
 from ..rendering.renderer import Renderer
-from ..synthesis.clusters import ClusterConfig, draw_delta
-from .plain_camera import CAMERA
+from ..synthesis.training.clusters import ClusterConfig, draw_delta
+from .default_camera import CAMERA
 
 MAX_ITERATIONS = 200  # the largest start is 135 single steps away
 BATCH = 25

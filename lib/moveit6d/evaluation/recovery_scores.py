@@ -17,7 +17,7 @@ from ..datasets.video import Frame, Image
 from ..geometry.pose import Pose
 from . import metrics
 from .tables import markdown, percent
-from .tracking import Surface
+from .track_scores import EvaluationPoints
 
 GONE = (40, 70)  # frames, the first replaced one and the first that is there again
 PICTURE = 10  # frames that one other picture stays
@@ -66,7 +66,7 @@ class RecoveryScore:
 
 
 def score_recovery(
-    rows: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: Surface
+    rows: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: EvaluationPoints
 ) -> RecoveryScore:
     """Count the frames of one cut track; the first frame does not count."""
     found, lost, claims, tracked = ([0, 0] for _ in range(4))

@@ -38,16 +38,19 @@ def curves_svg(curves: Curves, doubtful: float) -> str:
     from matplotlib.figure import Figure
 
     drawn = {
-        "ADD, % of d": curves.error, "confidence": curves.confidence,
+        "ADD, % of d": curves.error,
+        "confidence": curves.confidence,
         "iterations": curves.iterations,
-    }  # fmt: skip
+    }
     drawn = {name: values for name, values in drawn.items() if not all(map(math.isnan, values))}
     if not drawn:
         return ""
     settings: Any = {
-        "svg.fonttype": "none", "svg.hashsalt": "moveit6d", "font.family": "sans-serif",
+        "svg.fonttype": "none",
+        "svg.hashsalt": "moveit6d",
+        "font.family": "sans-serif",
         "font.size": 9,
-    }  # fmt: skip
+    }
     with matplotlib.rc_context(settings):
         height = SIZE[1] * len(drawn) + 0.4
         figure = Figure(figsize=(SIZE[0], height))

@@ -13,12 +13,12 @@ from moveit6d.actions import pose_delta
 from moveit6d.datasets.sequences import Sequence, read_sequences
 from moveit6d.errors import InputError
 from moveit6d.evaluation.reproduce.convergence import (
+    ConvergenceTrial,
     Plan,
     Reading,
-    Trial,
     deviate,
     frames_of,
-    outcome,
+    reproduction,
     run,
     share_of_frames,
     units,
@@ -120,11 +120,11 @@ def test_frames_are_thinned_as_in_the_paper(video: Sequence) -> None:
 
 def test_the_table_has_the_stated_point_and_steps_of_the_right_ones_only() -> None:
     trials = [
-        Trial(Reading.TOTAL, 12, 0, 0.7, 0.01, 30),
-        Trial(Reading.TOTAL, 12, 1, 0.5, 0.4, 90),
-        Trial(Reading.FORMULA, 12, 0, float("inf"), float("inf"), 0),
+        ConvergenceTrial(Reading.TOTAL, 12, 0, 0.7, 0.01, 30),
+        ConvergenceTrial(Reading.TOTAL, 12, 1, 0.5, 0.4, 90),
+        ConvergenceTrial(Reading.FORMULA, 12, 0, float("inf"), float("inf"), 0),
     ]
-    table = outcome(trials, "stand-in", {}).tables[0]
+    table = reproduction(trials, "surrogate", {}).tables[0]
     rows = [dict(zip(table.head, row, strict=True)) for row in table.rows]
     assert rows[0]["reading"] == "formula" and rows[0]["ADD<10%d"] == 0.0
     assert rows[0]["start ADD % d"] is None and rows[0]["steps where right"] is None

@@ -22,9 +22,10 @@ from ...geometry.pose import Pose
 from ...observation import Observation, observe
 from ...policies import LoopState, Policy
 from ...rendering.renderer import Renderer
-from .. import paper
+from ...visualization.charts import Panel, Sheet
+from . import published_figures as published
 from .convergence import Plan, frames_of
-from .outcome import Cell, Outcome, Panel, Sheet, Table
+from .reproduction import Cell, Reproduction, Table
 
 OFFSET = (6.0, -4.0, 3.0, 4.0, -5.0, 6.0)  # counts of the start from the truth
 
@@ -66,9 +67,9 @@ def patches(videos: Sequence[Video], frames: int, renderer: Renderer) -> list[Pa
     return found
 
 
-def outcome(
+def reproduction(
     cases: Sequence[Patch], policies: Mapping[str, Policy], data: str, facts: Mapping[str, object]
-) -> Outcome:
+) -> Reproduction:
     """Figure `fig:mask`: patch, rendering and one attention map a network, a row a case.
 
     The table says how the attention is shared between the rendered object and the rest.
@@ -90,8 +91,8 @@ def outcome(
             rows.append((case.name, name, *_shares(attention, case.seen.mask)))
     head = ("case", "network", "mean on the object", "mean beside it", "share on the object %")
     sheet = Sheet("attention", "Attention", 2 + len(policies), tuple(panels))
-    steps = ", ".join(map(str, paper.ATTENTION_ITERATIONS))
-    return Outcome(
+    steps = ", ".join(map(str, published.ATTENTION_ITERATIONS))
+    return Reproduction(
         "attention",
         "Attention maps of networks of different training",
         data,

@@ -25,8 +25,10 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...policies import Policy
 from ...rendering.renderer import Renderer
-from .. import metrics, paper
-from .outcome import Cell, Curve, LineChart, Outcome, Table, mean
+from ...visualization.charts import Curve, LineChart
+from .. import metrics
+from . import published_figures as published
+from .reproduction import Cell, Reproduction, Table, mean
 
 POINTS = 1000
 
@@ -39,7 +41,7 @@ class Reading(StrEnum):
 
 
 @dataclass(frozen=True)
-class Trial:
+class ConvergenceTrial:
     """One start: the reading, m and frame, ADD(-S) in diameters before and after, steps.
 
     `after` is infinite for a loop that did not end by itself within the limit; `before` for a start
@@ -63,11 +65,11 @@ class Trial:
 class Plan:
     """What is tried: the ms, the readings, frames at most, and how the loop runs."""
 
-    ms: tuple[int, ...] = tuple(range(paper.CONVERGENCE_LARGEST + 1))
+    ms: tuple[int, ...] = tuple(range(published.CONVERGENCE_LARGEST + 1))
     readings: tuple[Reading, ...] = tuple(Reading)
     frames: int | None = None
-    step: float = paper.CONVERGENCE_STEP
-    max_iterations: int = paper.CONVERGENCE_STEPS
+    step: float = published.CONVERGENCE_STEP
+    max_iterations: int = published.CONVERGENCE_STEPS
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -77,7 +79,7 @@ class Plan:
 
 def units(m: int, reading: Reading) -> int:
     """How many unit actions an axis is moved by."""
-    return m * (paper.CONVERGENCE_DELTA if reading is Reading.FORMULA else 1)
+    return m * (published.CONVERGENCE_DELTA if reading is Reading.FORMULA else 1)
 
 
 def deviate(truth: Pose, signs: Tensor, count: Sequence[int], sphere_diameter: float) -> Pose:
@@ -110,7 +112,9 @@ def frames_of(video: Video, plan: Plan) -> list[int]:
     return [known[k] for k in chosen]
 
 
-def run(video: Video, policy: Policy, renderer: Renderer, plan: Plan) -> Iterator[list[Trial]]:
+def run(
+    video: Video, policy: Policy, renderer: Renderer, plan: Plan
+) -> Iterator[list[ConvergenceTrial]]:
     """All trials of one frame after the other."""
     mesh = video.load_mesh()
     points = torch.from_numpy(mesh.sample_points(POINTS))
@@ -140,7 +144,7 @@ def _trials(
     policy: Policy,
     renderer: Renderer,
     plan: Plan,
-) -> list[Trial]:
+) -> list[ConvergenceTrial]:
     truth = video.truth[frame.index].to(torch.float64)
     inner = mesh.inner(truth)
     many = Pose(inner.rotation.expand(len(cases), 3, 3), inner.translation.expand(len(cases), 3))
@@ -178,11 +182,13 @@ def _trials(
             before, iterations = error(mesh.outer(moved[k])), result.iterations
             if result.pose is not None and result.stopped_by is not StopReason.MAX_ITERATIONS:
                 after = error(result.pose)
-        found.append(Trial(reading, m, frame.index, before, after, iterations))
+        found.append(ConvergenceTrial(reading, m, frame.index, before, after, iterations))
     return found
 
 
-def outcome(trials: Sequence[Trial], data: str, facts: dict[str, object]) -> Outcome:
+def reproduction(
+    trials: Sequence[ConvergenceTrial], data: str, facts: dict[str, object]
+) -> Reproduction:
     """Figure `fig:robustness`: ADD score and steps of the loops that came back, against m."""
     rows: list[tuple[Cell, ...]] = []
     curves: list[Curve] = []
@@ -200,7 +206,7 @@ def outcome(trials: Sequence[Trial], data: str, facts: dict[str, object]) -> Out
             if points:
                 x, y = zip(*points, strict=True)
                 curves.append(Curve(f"{label}, {reading.value}", x, y, right))
-    stated = tuple(zip(*paper.CONVERGENCE_ADD.items(), strict=True))
+    stated = tuple(zip(*published.CONVERGENCE_ADD.items(), strict=True))
     curves.append(Curve("paper's ADD score", stated[0], stated[1], dots=True))
     head = (
         "reading",
@@ -221,28 +227,28 @@ def outcome(trials: Sequence[Trial], data: str, facts: dict[str, object]) -> Out
         tuple(curves),
         "steps of the loops that came back",
     )
-    return Outcome(
+    return Reproduction(
         "convergence",
         "Convergence from deviated starts (Eq. 3)",
         data,
         (Table("convergence", title, head, tuple(rows), 1),),
         (chart,),
         (
-            f"The paper did not converge from m = {paper.CONVERGENCE_NONE_FROM} on.",
+            f"The paper did not converge from m = {published.CONVERGENCE_NONE_FROM} on.",
             "A loop that runs into the limit of steps, and a start that the camera cannot see, "
             "count as not converged.",
-            *paper.NOTES["eq:adding_noise"],
+            *published.NOTES["eq:adding_noise"],
         ),
         facts,
     )
 
 
 def _row(
-    m: int, reading: Reading, trials: Sequence[Trial]
+    m: int, reading: Reading, trials: Sequence[ConvergenceTrial]
 ) -> tuple[str, int, int, int, float | None, float, float | None, float | None]:
     mine = [trial for trial in trials if trial.m == m]
     before = mean([100 * trial.before for trial in mine if np.isfinite(trial.before)])
     share = 100 * float(np.mean([trial.right for trial in mine]))
     iterations = mean([float(trial.iterations) for trial in mine if trial.right])
-    printed = paper.CONVERGENCE_ADD.get(m)
+    printed = published.CONVERGENCE_ADD.get(m)
     return reading.value, m, units(m, reading), len(mine), before, share, iterations, printed

@@ -21,16 +21,18 @@ from ...estimation import SeedDetection, SeedDetector, SelectionCriterion, Targe
 from ...estimation.frame import prepare_frame
 from ...estimation.seed_detector import Candidate, best_of
 from ...geometry.pose import Pose
-from .. import metrics, paper
+from ...visualization.charts import Curve, LineChart, Panel, Sheet
+from .. import metrics
+from . import published_figures as published
 from .convergence import POINTS, Plan, frames_of
-from .outcome import Cell, Curve, LineChart, Outcome, Panel, Sheet, Table, mean
+from .reproduction import Cell, Reproduction, Table, mean
 
 TURNS = tuple(range(-45, 46, 3))  # degrees about the viewing axis, for the last curve
 FOUND = 0.5  # of the object's width: a sink nearer than this to the true centre is the object's
 
 
 @dataclass(frozen=True)
-class Trial:
+class DetectionTrial:
     """One frame. Errors in diameters (ADD(-S)) and degrees; infinite where there is no pose.
 
     `rank` is the object's place among those looked into, from 1 (None: not among them); `size` the
@@ -61,7 +63,7 @@ class Example:
 
 def run(
     videos: Sequence[Video], make: Mapping[str, SeedDetector], frames: int
-) -> Iterator[tuple[Trial, Image, SeedDetection]]:
+) -> Iterator[tuple[DetectionTrial, Image, SeedDetection]]:
     """Detect in `frames` frames of every sequence; `make` holds each sequence's detector."""
     for video in videos:
         detector = make[video.name]
@@ -88,7 +90,7 @@ def _judged(
     truth: Pose,
     points: Tensor,
     seconds: float,
-) -> Trial:
+) -> DetectionTrial:
     """One frame's figures: what each criterion chose among the same candidates."""
 
     def error(candidate: Candidate | None) -> float:
@@ -104,7 +106,7 @@ def _judged(
 
     chosen = {criterion: best_of(found.candidates, criterion) for criterion in SelectionCriterion}
     rank, size = _sink_of(found, detector, truth)
-    return Trial(
+    return DetectionTrial(
         video=video.name,
         frame=frame,
         rank=rank,
@@ -150,9 +152,9 @@ def turned_starts(
     return tuple(float(result.iterations) for result in results), tuple(ways)
 
 
-def outcome(
-    trials: Sequence[Trial], example: Example, data: str, facts: Mapping[str, object]
-) -> Outcome:
+def reproduction(
+    trials: Sequence[DetectionTrial], example: Example, data: str, facts: Mapping[str, object]
+) -> Reproduction:
     """Figure `fig:detect` of one frame, and figures of all frames for both criteria."""
     rows: list[tuple[Cell, ...]] = []
     for trial in trials:
@@ -181,7 +183,7 @@ def outcome(
         "seconds",
     )
     frames = Table("frames", "Frame by frame", head, tuple(rows))
-    return Outcome(
+    return Reproduction(
         "detection",
         "Detection without a start (Initialization & Detection)",
         data,
@@ -191,7 +193,7 @@ def outcome(
             "The paper prints no figures for detection; its figure is one example.",
             "A sink counts as the object's if it is nearer than half of the object's width to its "
             "centre. `best candidate` is what a perfect criterion would reach.",
-            *paper.NOTES["fig:detect"],
+            *published.NOTES["fig:detect"],
         ),
         facts,
     )
@@ -211,7 +213,7 @@ def _sink_of(
     return None, None
 
 
-def _summary(trials: Sequence[Trial]) -> Table:
+def _summary(trials: Sequence[DetectionTrial]) -> Table:
     number = len(trials)
 
     def share(hits: Sequence[bool]) -> float:

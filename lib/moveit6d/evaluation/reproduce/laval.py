@@ -14,11 +14,13 @@ from torch import Tensor
 
 from ...datasets.sequences import Sequence as Video
 from ...errors import InputError
-from .. import metrics, paper
-from .outcome import Cell, Curve, LineChart, Outcome, Table, mean
-from .tracks import Track
+from ...visualization.charts import Curve, LineChart
+from .. import metrics
+from . import published_figures as published
+from .reproduction import Cell, Reproduction, Table, mean
+from .tracks import ScoredTrack
 
-GROUPS = {f"occlusion_{level}": level for level in paper.LAVAL_LEVELS}
+GROUPS = {f"occlusion_{level}": level for level in published.LAVAL_LEVELS}
 NOTES = (
     "Horizontal and vertical occluders of a level are merged, as the benchmark's authors do.",
     "R is the benchmark's own rotation error, which is not quite the angle; the table of angles "
@@ -50,9 +52,9 @@ def occlusion_videos(videos: Iterable[Video]) -> list[Video]:
     return found
 
 
-def measure(tracks: Iterable[Track]) -> dict[tuple[str, int], Cells]:
+def measure(tracks: Iterable[ScoredTrack]) -> dict[tuple[str, int], Cells]:
     """Errors by object and level over all of its sequences."""
-    found: dict[tuple[str, int], list[Track]] = {}
+    found: dict[tuple[str, int], list[ScoredTrack]] = {}
     for track in tracks:
         found.setdefault((track.video.object, GROUPS[track.video.group]), []).append(track)
     return {
@@ -65,25 +67,29 @@ def measure(tracks: Iterable[Track]) -> dict[tuple[str, int], Cells]:
     }
 
 
-def outcome(models: Mapping[str, Figures], data: str, facts: Mapping[str, object]) -> Outcome:
-    """Table `tab:laval_additional` (and with it `tab:laval`); models by `paper.LAVAL_MODELS`."""
+def reproduction(
+    models: Mapping[str, Figures], data: str, facts: Mapping[str, object]
+) -> Reproduction:
+    """Table `tab:laval_additional` (and with it `tab:laval`), one model a key of `LAVAL_MODELS`."""
     objects = sorted({name for figures in models.values() for name, _ in figures})
-    objects += [name for name in paper.LAVAL_OBJECTS if name not in objects]
+    objects += [name for name in published.LAVAL_OBJECTS if name not in objects]
     main = _main(models, objects)
     angles = _spread(models, objects)
-    return Outcome(
+    return Reproduction(
         "laval",
         "Laval tables: errors by object and occlusion level",
         data,
         (main, angles),
         tuple(_chart(models, objects, measure_) for measure_ in ("translation", "rotation")),
-        (*NOTES, *paper.NOTES["tab:laval_additional"]),
+        (*NOTES, *published.NOTES["tab:laval_additional"]),
         facts,
     )
 
 
 def _main(models: Mapping[str, Figures], objects: list[str]) -> Table:
-    columns = [(model, level) for model in paper.LAVAL_MODELS for level in paper.LAVAL_LEVELS]
+    columns = [
+        (model, level) for model in published.LAVAL_MODELS for level in published.LAVAL_LEVELS
+    ]
     head = ["object", "error"]
     head += [f"ours {model} {level} %" for model, level in columns]
     head += [f"paper {model} {level} %" for model, level in columns]
@@ -97,8 +103,12 @@ def _main(models: Mapping[str, Figures], objects: list[str]) -> Table:
         values = zip(*(row[2:] for row in rows[k : 2 * len(objects) : 2]), strict=True)
         means = [mean([float(v) for v in column if v is not None]) for column in values]
         rows.append(("mean of objects", unit, *means))
-    return Table("errors", "Mean errors by object and share covered (tab:laval, "
-                 "tab:laval_additional)", tuple(head), tuple(rows))  # fmt: skip
+    return Table(
+        "errors",
+        "Mean errors by object and share covered (tab:laval, tab:laval_additional)",
+        tuple(head),
+        tuple(rows),
+    )
 
 
 def _spread(models: Mapping[str, Figures], objects: list[str]) -> Table:
@@ -106,18 +116,35 @@ def _spread(models: Mapping[str, Figures], objects: list[str]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for model, figures in models.items():
         for name in objects:
-            for level in paper.LAVAL_LEVELS:
+            for level in published.LAVAL_LEVELS:
                 cells = figures.get((name, level))
                 if cells is None:
                     continue
                 lost = metrics.laval_failures(cells.translation, cells.official)
-                rows.append((
-                    name, model, level, len(cells.angle),
-                    1000 * float(cells.translation.median()), float(cells.official.median()),
-                    float(cells.angle.mean()), float(cells.angle.median()), lost,
-                ))  # fmt: skip
-    head = ("object", "model", "covered %", "frames", "median T mm", "median R deg",
-            "mean angle deg", "median angle deg", "failures")  # fmt: skip
+                rows.append(
+                    (
+                        name,
+                        model,
+                        level,
+                        len(cells.angle),
+                        1000 * float(cells.translation.median()),
+                        float(cells.official.median()),
+                        float(cells.angle.mean()),
+                        float(cells.angle.median()),
+                        lost,
+                    )
+                )
+    head = (
+        "object",
+        "model",
+        "covered %",
+        "frames",
+        "median T mm",
+        "median R deg",
+        "mean angle deg",
+        "median angle deg",
+        "failures",
+    )
     return Table("more", "Ours in other figures", head, tuple(rows))
 
 
@@ -133,17 +160,17 @@ def _ours(
 
 
 def _printed(model: str, name: str, level: int, quantity: str) -> float | None:
-    figure = paper.LAVAL.get((model, name, level))
+    figure = published.LAVAL.get((model, name, level))
     return None if figure is None else float(getattr(figure, quantity))
 
 
 def _chart(models: Mapping[str, Figures], objects: list[str], quantity: str) -> LineChart:
     """Means over the objects against the level, ours and the paper's."""
     curves = []
-    for model in paper.LAVAL_MODELS:
+    for model in published.LAVAL_MODELS:
         for who in ("ours", "paper"):
             known = []
-            for level in paper.LAVAL_LEVELS:
+            for level in published.LAVAL_LEVELS:
                 cells = [_printed(model, one, level, quantity) for one in objects]
                 if who == "ours":
                     cells = [_ours(models, model, one, level, quantity) for one in objects]

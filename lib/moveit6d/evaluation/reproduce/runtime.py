@@ -9,23 +9,24 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .. import paper
-from ..cycle import CycleTimes
-from .outcome import BarChart, Cell, Outcome, Table
-from .tracks import Track
+from ...visualization.charts import BarChart
+from ..iteration_timing import IterationTimes
+from . import published_figures as published
+from .reproduction import Cell, Reproduction, Table
+from .tracks import ScoredTrack
 
 PREPARE = ("crop", "observe")
 
 
-def outcome(
-    times: CycleTimes, tracks: Sequence[Track], data: str, facts: Mapping[str, object]
-) -> Outcome:
+def reproduction(
+    times: IterationTimes, tracks: Sequence[ScoredTrack], data: str, facts: Mapping[str, object]
+) -> Reproduction:
     """Table `tab:runtime`; with tracks also what a frame takes."""
     prepare = sum(times.parts[part] for part in PREPARE)
     render, move = times.parts["render"], times.parts["move"]
     network = times.parts["network"]
     without = times.total - render
-    printed = list(paper.RUNTIME_MS.values())
+    printed = list(published.RUNTIME_MS.values())
     rows: list[tuple[Cell, ...]] = [
         ("image preprocessing (crop, resize)", prepare, printed[0]),
         ("network", network, printed[1]),
@@ -46,9 +47,9 @@ def outcome(
     )
     notes = (
         "Ours is the median of the cycles, all on the CPU; the paper's network ran on a GPU.",
-        *paper.NOTES["tab:runtime"],
+        *published.NOTES["tab:runtime"],
     )
-    return Outcome(
+    return Reproduction(
         "runtime",
         "Runtime of the action decision cycle",
         data,
@@ -59,7 +60,7 @@ def outcome(
     )
 
 
-def _frames(tracks: Sequence[Track], cycle: float) -> Table:
+def _frames(tracks: Sequence[ScoredTrack], iteration: float) -> Table:
     """Cycles and milliseconds a frame, as tracked under the paper's protocol."""
     rows: list[tuple[Cell, ...]] = []
     iterations = np.concatenate([np.array(track.iterations, float) for track in tracks])
@@ -71,7 +72,7 @@ def _frames(tracks: Sequence[Track], cycle: float) -> Table:
                 track.video.name,
                 len(track.iterations),
                 mine,
-                mine * cycle,
+                mine * iteration,
                 float(np.mean(track.milliseconds)),
             )
         )
@@ -80,10 +81,18 @@ def _frames(tracks: Sequence[Track], cycle: float) -> Table:
             "all frames",
             len(iterations),
             float(iterations.mean()),
-            float(iterations.mean()) * cycle,
+            float(iterations.mean()) * iteration,
             float(times.mean()),
         )
     )
-    rows.append(("paper (YCB-Video)", None, paper.ACTIONS_PER_FRAME, paper.MS_PER_FRAME, None))
+    rows.append(
+        (
+            "paper (YCB-Video)",
+            None,
+            published.ACTIONS_PER_FRAME,
+            published.MS_PER_FRAME,
+            None,
+        )
+    )
     head = ("sequence", "frames", "cycles a frame", "ms, cycles × cycle", "ms measured")
     return Table("frames", "What a frame takes", head, tuple(rows))

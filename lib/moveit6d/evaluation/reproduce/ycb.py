@@ -15,10 +15,12 @@ import torch
 from torch import Tensor
 
 from ...geometry.pose import Pose
-from .. import metrics, paper
-from ..auc import exact_auc, voc_auc
-from .outcome import BarChart, Cell, Outcome, Table, mean
-from .tracks import Track
+from ...visualization.charts import BarChart
+from .. import metrics
+from ..metrics.auc import exact_auc, voc_auc
+from . import published_figures as published
+from .reproduction import Cell, Reproduction, Table, mean
+from .tracks import ScoredTrack
 
 # Points of the surface, where the data set brings none.
 POINTS = 2000
@@ -35,7 +37,7 @@ METRIC_NOTE = (
 
 
 @dataclass(frozen=True)
-class Errors:
+class ObjectErrors:
     """Errors in metres (N,) of one object's frames over all its sequences."""
 
     add: Tensor
@@ -48,9 +50,9 @@ class Errors:
         """ADD(-S)."""
         return self.add_s if self.symmetric else self.add
 
-    def joined(self, other: Errors) -> Errors:
+    def joined(self, other: ObjectErrors) -> ObjectErrors:
         """The frames of both."""
-        return Errors(
+        return ObjectErrors(
             torch.cat([self.add, other.add]),
             torch.cat([self.add_s, other.add_s]),
             self.diameter,
@@ -62,8 +64,8 @@ class Errors:
 class Scores:
     """Errors by object, as tracked and after the oracle shift, and the shifts by sequence (mm)."""
 
-    plain: Mapping[str, Errors]
-    shifted: Mapping[str, Errors]
+    plain: Mapping[str, ObjectErrors]
+    shifted: Mapping[str, ObjectErrors]
     shifts: Mapping[str, tuple[float, float, float]]
 
 
@@ -83,10 +85,10 @@ def shifted(truth: Pose, shift: Tensor) -> Pose:
     return Pose(truth.rotation, truth.translation + (truth.rotation @ shift))
 
 
-def measure(tracks: Iterable[Track]) -> Scores:
+def measure(tracks: Iterable[ScoredTrack]) -> Scores:
     """Errors of all tracks by object, in the order in which the objects come."""
-    plain: dict[str, Errors] = {}
-    moved: dict[str, Errors] = {}
+    plain: dict[str, ObjectErrors] = {}
+    moved: dict[str, ObjectErrors] = {}
     shifts: dict[str, tuple[float, float, float]] = {}
     for track in tracks:
         name = track.video.object or track.video.level
@@ -95,7 +97,7 @@ def measure(tracks: Iterable[Track]) -> Scores:
         x, y, z = (1000 * shift).tolist()
         shifts[track.video.name] = (x, y, z)
         for found, truth in ((plain, track.truth), (moved, shifted(track.truth, shift))):
-            errors = Errors(
+            errors = ObjectErrors(
                 metrics.add(track.estimate, truth, points),
                 metrics.adi(track.estimate, truth, points),
                 diameter,
@@ -105,13 +107,13 @@ def measure(tracks: Iterable[Track]) -> Scores:
     return Scores(plain, moved, shifts)
 
 
-def add_outcome(scores: Scores, data: str, facts: Mapping[str, object]) -> Outcome:
+def add_reproduction(scores: Scores, data: str, facts: Mapping[str, object]) -> Reproduction:
     """Table `tab:ycb_full`: % of frames below 10 % of the diameter."""
 
-    def share(errors: Errors, which: Tensor) -> float:
+    def share(errors: ObjectErrors, which: Tensor) -> float:
         return 100 * metrics.accuracy(which, metrics.ADD_LIMIT * errors.diameter)
 
-    printed = paper.YCB_ADD
+    printed = published.YCB_ADD
     ours = {
         name: (
             share(one, one.declared),
@@ -123,18 +125,18 @@ def add_outcome(scores: Scores, data: str, facts: Mapping[str, object]) -> Outco
     }
     head = ("ADD(-S)", "ADD(-S) + shift", "ADD", "ADD-S")
     table = _beside("add", f"{printed.caption} ({printed.label})", head, ours, printed)
-    return Outcome(
+    return Reproduction(
         "ycb_add",
         "YCB table: frames below 10 % of the diameter",
         data,
         (table, _counts(scores), _shifts(scores)),
         (_bars("ycb_add", "% of frames below 10 % of the diameter", ours, printed),),
-        (METRIC_NOTE, SHIFT_NOTE, *paper.NOTES[printed.label]),
+        (METRIC_NOTE, SHIFT_NOTE, *published.NOTES[printed.label]),
         facts,
     )
 
 
-def auc_outcome(scores: Scores, data: str, facts: Mapping[str, object]) -> Outcome:
+def auc_reproduction(scores: Scores, data: str, facts: Mapping[str, object]) -> Reproduction:
     """Tables `tab:ycb_full_auc_1` and `_2`: area under the curve to 0.1 m, in %."""
     ours = {
         name: (
@@ -149,27 +151,30 @@ def auc_outcome(scores: Scores, data: str, facts: Mapping[str, object]) -> Outco
     head = ("ADD(-S)", "ADD(-S) + shift", "ADD", "ADD-S", "exact ADD(-S)")
     tables = [
         _beside(name, f"{printed.caption} ({printed.label})", head, ours, printed)
-        for name, printed in (("auc_1", paper.YCB_AUC_1), ("auc_2", paper.YCB_AUC_2))
+        for name, printed in (
+            ("auc_1", published.YCB_AUC_1),
+            ("auc_2", published.YCB_AUC_2),
+        )
     ]
     notes = [
         METRIC_NOTE,
         "Areas are in the toolbox's VOC form, which tables need; `exact` is the integral itself.",
         SHIFT_NOTE,
-        *paper.NOTES[paper.YCB_AUC_1.label],
-        *paper.NOTES[paper.YCB_AUC_2.label],
+        *published.NOTES[published.YCB_AUC_1.label],
+        *published.NOTES[published.YCB_AUC_2.label],
     ]
-    return Outcome(
+    return Reproduction(
         "ycb_auc",
         "YCB tables: area under the ADD curve to 0.1 m",
         data,
         (*tables, _pooled(scores), _shifts(scores)),
-        (_bars("ycb_auc", "area under the curve to 0.1 m, %", ours, paper.YCB_AUC_1),),
+        (_bars("ycb_auc", "area under the curve to 0.1 m, %", ours, published.YCB_AUC_1),),
         tuple(notes),
         facts,
     )
 
 
-def _points(track: Track) -> tuple[Tensor, float]:
+def _points(track: ScoredTrack) -> tuple[Tensor, float]:
     """Evaluation points (N, 3) and the diameter, metres."""
     mesh = track.video.load_mesh()
     if track.video.points is not None:
@@ -184,7 +189,7 @@ def _beside(
     title: str,
     head: tuple[str, ...],
     ours: Mapping[str, tuple[float, ...]],
-    printed: paper.PaperTable,
+    printed: published.PaperTable,
 ) -> Table:
     """Our columns beside the paper's: rows of our objects, then those only the paper has."""
     objects = [*ours, *(one for one in printed.rows if one not in ours)]
@@ -192,12 +197,13 @@ def _beside(
     dashes = (None,) * len(printed.methods)
     rows: list[tuple[Cell, ...]] = []
     for one in objects:
-        label = f"{one} (symmetric)" if one in paper.YCB_SYMMETRIC else one
+        label = f"{one} (symmetric)" if one in published.YCB_SYMMETRIC else one
         rows.append((label, *ours.get(one, none), *printed.rows.get(one, dashes)))
     means = [mean([values[k] for values in ours.values()]) for k in range(len(head))]
     rows.append(("mean of each column's objects", *means, *printed.averages))
-    return Table(name, title, ("object", *(f"ours {one}" for one in head), *printed.methods),
-                 tuple(rows))  # fmt: skip
+    return Table(
+        name, title, ("object", *(f"ours {one}" for one in head), *printed.methods), tuple(rows)
+    )
 
 
 def _counts(scores: Scores) -> Table:
@@ -215,8 +221,16 @@ def _pooled(scores: Scores) -> Table:
     for name, found in (("as tracked", scores.plain), ("+ shift (oracle)", scores.shifted)):
         add = torch.cat([one.add for one in found.values()])
         add_s = torch.cat([one.add_s for one in found.values()])
-        rows.append((name, len(add), 100 * voc_auc(add), 100 * voc_auc(add_s),
-                     100 * exact_auc(add), 100 * exact_auc(add_s)))  # fmt: skip
+        rows.append(
+            (
+                name,
+                len(add),
+                100 * voc_auc(add),
+                100 * voc_auc(add_s),
+                100 * exact_auc(add),
+                100 * exact_auc(add_s),
+            )
+        )
     head = ("", "frames", "ADD", "ADD-S", "exact ADD", "exact ADD-S")
     return Table("pooled", "All frames in one curve", head, tuple(rows))
 
@@ -229,7 +243,10 @@ def _shifts(scores: Scores) -> Table:
 
 
 def _bars(
-    name: str, label: str, ours: Mapping[str, tuple[float, ...]], printed: paper.PaperTable
+    name: str,
+    label: str,
+    ours: Mapping[str, tuple[float, ...]],
+    printed: published.PaperTable,
 ) -> BarChart:
     objects = [*ours, *(one for one in printed.rows if one not in ours)]
 
@@ -248,7 +265,7 @@ def _bars(
         {
             "ours": column(ours, 0),
             "ours + shift (oracle)": column(ours, 1),
-            paper.OURS: theirs(paper.OURS),
-            paper.SHIFTED: theirs(paper.SHIFTED),
+            published.OURS: theirs(published.OURS),
+            published.SHIFTED: theirs(published.SHIFTED),
         },
     )
