@@ -59,6 +59,7 @@ def run_detection(args: argparse.Namespace) -> int:
     from ..datasets.sequences import read_sequences
     from ..estimation import DetectorConfig, TemplateStore
     from ..evaluation.detection_scores import (
+        DetectedFrame,
         detect_in_photos,
         detect_in_sequence,
         detection_table,
@@ -71,14 +72,15 @@ def run_detection(args: argparse.Namespace) -> int:
     policy, renderer = set_up(args)
     store, accepted = TemplateStore(), DetectorConfig().accepted
     if args.sequences is not None:
-        found = []
+        found: list[DetectedFrame] = []
         videos = read_sequences(args.sequences)
         for video in progress(videos, len(videos), "detect", "sequence"):
             frames = range(0, max(video.truth) + 1, args.every)
             found += detect_in_sequence(video, frames, policy, renderer, store)
         print(detection_table(found, accepted))
     if args.photos is not None and args.objects is not None:
-        photos, claims = _photos(args.photos, args.limit), []
+        photos = _photos(args.photos, args.limit)
+        claims: list[DetectedFrame] = []
         meshes = mesh_files(args.objects)
         for path in progress(meshes, len(meshes), "photos", "object"):
             claims += detect_in_photos(photos, Mesh.load(path), policy, renderer, store)

@@ -273,11 +273,13 @@ def weights_facts(path: Path | None) -> dict[str, str | None]:
 
 def given(args: argparse.Namespace) -> dict[str, Any]:
     """The arguments of a command as JSON can hold them."""
-    return {
-        key: str(value) if isinstance(value, Path) else value
-        for key, value in sorted(vars(args).items())
-        if key != "run"
-    }
+    return {key: _plain(value) for key, value in sorted(vars(args).items()) if key != "run"}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_plain(one) for one in value]
+    return str(value) if isinstance(value, Path) else value
 
 
 def new_folder(path: Path) -> Path:

@@ -170,6 +170,7 @@ def _tracks(
 ) -> tuple[Iterator[ScoredTrack], dict[str, Any]]:
     """Tracks under the paper's protocol, kept in the output folder, and the settings."""
     from ..estimation import PoseTracker
+    from ..estimation.recovery import RecoveryConfig
     from ..evaluation.protocols import PAPER
     from ..evaluation.reproduce.tracks import TrackSettings, run_tracks
 
@@ -185,7 +186,8 @@ def _tracks(
             policy=policy,
             renderer=renderer,
             max_iterations=limit,
-            contour=False,  # the paper has no such thing
+            contour=False,  # the paper has no such thing, and never looks for lost objects
+            recovery=RecoveryConfig(enabled=False),
         )
 
     kept = {k: v for k, v in facts.items() if k not in ("only", "versions")}

@@ -1,4 +1,4 @@
-"""`moveit6d track`: follow one object through one video.
+"""`moveit6d track`: follow objects through one video.
 
 Never more than reading, the tracker's update for each frame, and writing.
 """
@@ -6,7 +6,7 @@ Never more than reading, the tracker's update for each frame, and writing.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,16 +24,27 @@ from .common import (
     versions,
     weights_facts,
 )
+from .objects import load_meshes, object_names, painted, peek, read_starts, wants_paint
 from .reporting import check_report, reporting, rerun_log
 
 if TYPE_CHECKING:
+    from ..estimation import PoseTracker
     from ..evaluation.run_tracker import TrackSummary
+    from ..geometry.camera import Camera
+    from ..geometry.mesh import Mesh
+    from ..geometry.pose import Pose
+    from ..policies import Policy
+    from ..rendering.renderer import Renderer
 
 DESCRIPTION = """\
 Finds the pose in every frame, each starting from the one before; the first frame starts from
---start. A frame that cannot be used (damaged, of another size) is recorded and the track
-goes on with the next one. The start must be roughly right: within about a quarter of the
-object's width and 20 degrees.
+--start, or from where the object is found. A frame that cannot be used (damaged, of another size)
+is recorded and the track goes on with the next one. A start must be roughly right: within about a
+quarter of the object's width and 20 degrees. A lost object is looked for, near where it was and
+then in the whole image, and followed again once it is found.
+
+Several objects: --mesh, --mesh_unit and --start once for each of them (one --mesh_unit does for
+all); the same mesh twice are two instances.
 
 files read:
   --mesh    OBJ, PLY, GLB or STL, with texture, vertex colours or plain
@@ -45,10 +56,13 @@ files read:
             z forward, metres, in the frame of the mesh file
 
 files written to --output:
-  poses.csv     frame,image,r11,...,r33,tx,ty,tz,steps,stopped_by,confidence,milliseconds;
-                one row a frame, empty numbers where there is no pose
+  poses.csv     frame,image,r11,...,r33,tx,ty,tz,steps,stopped_by,confidence,milliseconds,state;
+                one row a frame (of several objects one row each, with a column object before
+                state), empty numbers where there is no pose; the state is tracking, uncertain
+                (there is a pose, it may be wrong) or lost
   overlay.mp4   outline and axes drawn on the frames (red where the confidence is low)
-  summary.json  frames, failed frames, milliseconds, where the track may be lost, versions
+  summary.json  frames, failed frames, milliseconds, states and events (from which frame to which
+                each state lasted), versions
   --report      one HTML page of the run for any browser: curves, pictures, worst frames first
   --rerun       the run for the rerun viewer (needs: pip install 'moveit6d[rerun]')
 """
@@ -59,6 +73,8 @@ examples:
       --camera camera.json --start pose.json --output out --report out/report.html
   moveit6d track --mesh part.stl --mesh_unit mm --video frames/ \\
       --camera camera.json --start pose.json --output out --no_overlay --threads 1
+  moveit6d track --mesh cup.glb --mesh can.glb --mesh_unit m --video clip.mp4 \\
+      --camera camera.json --output out
 """
 
 
@@ -66,8 +82,22 @@ def add_parser(verbs: Any) -> None:
     """Add the verb."""
     parser = add_verb(verbs, "track", "follow an object through a video", DESCRIPTION, EPILOG)
     needed = parser.add_argument_group("needed")
-    needed.add_argument("--mesh", type=Path, required=True, metavar="FILE", help="the object")
-    needed.add_argument("--mesh_unit", choices=("m", "mm"), required=True, help="the mesh's unit")
+    needed.add_argument(
+        "--mesh",
+        type=Path,
+        required=True,
+        action="append",
+        metavar="FILE",
+        help="the object; once for each of several",
+    )
+    needed.add_argument(
+        "--mesh_unit",
+        "--unit",
+        choices=("m", "mm"),
+        required=True,
+        action="append",
+        help="the mesh's unit; once, or for each mesh",
+    )
     needed.add_argument(
         "--video",
         required=True,
@@ -78,15 +108,31 @@ def add_parser(verbs: Any) -> None:
         "--camera", type=Path, required=True, metavar="FILE", help="intrinsics (camera.json)"
     )
     needed.add_argument(
-        "--start", type=Path, required=True, metavar="FILE", help="pose in the first frame"
-    )
-    needed.add_argument(
         "--output", type=Path, required=True, metavar="DIR", help="folder for the results"
+    )
+    parser.add_argument(
+        "--start",
+        type=Path,
+        action="append",
+        metavar="FILE",
+        help="pose in the first frame, once for each mesh (default: look for the objects)",
     )
     parser.add_argument(
         "--exact_start",
         action="store_true",
         help="the start pose is exact: calibrate from the first frame",
+    )
+    parser.add_argument(
+        "--texture_from_start",
+        action="store_true",
+        help="paint meshes without colours from the first frame, at the start pose",
+    )
+    parser.add_argument(
+        "--max_milliseconds",
+        type=float,
+        metavar="MS",
+        help="a frame, for looking for lost objects; a search may then take several frames "
+        "(default: no limit, every third frame)",
     )
     parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
@@ -98,65 +144,85 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Track and write."""
-    from ..datasets.pose_files import PoseWriter, read_camera, read_pose
+    from ..datasets.pose_files import PoseWriter, read_camera, track_columns
     from ..datasets.video import LiveCamera, Prefetched, open_frames
-    from ..estimation import PoseTracker
     from ..evaluation.run_tracker import TrackSummary, calibrating, run_tracker
-    from ..geometry.mesh import Mesh
     from .drawing import draw_step
 
-    mesh = Mesh.load(args.mesh, args.mesh_unit)
-    camera, start = read_camera(args.camera), read_pose(args.start)
+    meshes, camera = load_meshes(args), read_camera(args.camera)
+    starts = read_starts(args, len(meshes))
     frames = open_frames(args.video)
     check_report(args.report, frames)
+    if len(meshes) > 1 and (args.report or args.rerun):
+        raise InputError("--report and --rerun show one object; leave them out with several.")
     policy, renderer = set_up(args)
-    tracker = PoseTracker(
-        mesh,
+    # A camera read ahead would show the past.
+    ahead = iter(frames if isinstance(frames, LiveCamera) else Prefetched(frames))
+    if wants_paint(args, meshes):
+        first, ahead = peek(ahead)
+        meshes = painted(meshes, starts, first, camera)
+    tracker = _tracker(args, meshes, camera, starts, policy, renderer)
+    names = object_names(args.mesh)
+    output = new_folder(args.output)
+    records = [TrackSummary() for _ in meshes]
+    with (
+        _summary(output / "summary.json", records, names, args),
+        reporting(args.report, _about(args), meshes[0], camera, frames, renderer) as page,
+        PoseWriter(output / "poses.csv", track_columns(len(meshes))) as table,
+        _movie(output / "overlay.mp4", frames.fps, args.no_overlay) as movie,
+        rerun_log(args.rerun, meshes[0], camera) as log,
+    ):
+        watched = progress(ahead, frames.length, "track")
+        known = calibrating(tracker, watched) if args.exact_start else watched
+        for step in complaining(run_tracker(tracker, known, names)):
+            for record, one in zip(records, (step, *step.others), strict=True):
+                table.write(one.row)
+                record.add(one)
+            page.add(step)
+            if movie is not None:
+                movie.write(draw_step(step, meshes, camera, renderer))
+            if log is not None:
+                log.write(step.frame, step.row, step.error)
+    return _verdict(records, names, output)
+
+
+def _tracker(
+    args: argparse.Namespace, meshes: list[Mesh], camera: Camera, starts: list[Pose | None],
+    policy: Policy, renderer: Renderer,
+) -> PoseTracker:  # fmt: skip
+    from ..estimation import PoseTracker, TemplateStore
+    from ..estimation.detection import default_store
+    from ..estimation.recovery import RecoveryConfig
+
+    return PoseTracker(
+        meshes,
         camera,
-        start,
+        starts,
         policy=policy,
         renderer=renderer,
         max_iterations=args.max_iterations,
         multi_start=not args.no_multi_start,
         contour=not args.no_contour,
+        recovery=RecoveryConfig(max_milliseconds=args.max_milliseconds),
+        store=TemplateStore(default_store()),
     )
-    output = new_folder(args.output)
-    record = TrackSummary()
-    with (
-        _summary(output / "summary.json", record, args),
-        reporting(args.report, _about(args), mesh, camera, frames, renderer) as page,
-        PoseWriter(output / "poses.csv") as table,
-        _movie(output / "overlay.mp4", frames.fps, args.no_overlay) as movie,
-        rerun_log(args.rerun, mesh, camera) as log,
-    ):
-        # A camera read ahead would show the past.
-        ahead = frames if isinstance(frames, LiveCamera) else Prefetched(frames)
-        watched = progress(ahead, frames.length, "track")
-        known = calibrating(tracker, watched) if args.exact_start else watched
-        for step in complaining(run_tracker(tracker, known)):
-            table.write(step.row)
-            record.add(step)
-            page.add(step)
-            if movie is not None:
-                movie.write(draw_step(step, mesh, camera, renderer))
-            if log is not None:
-                log.write(step.frame, step.row, step.error)
-    return _verdict(record, output)
 
 
 def _about(args: argparse.Namespace) -> dict[str, str]:
     """What a report says of the command."""
     return {
-        "object": str(args.mesh),
+        "object": ", ".join(map(str, args.mesh)),
         "video": str(args.video),
-        "start": str(args.start),
+        "start": ", ".join(map(str, args.start or ["looked for"])),
         **{name: str(value) for name, value in weights_facts(args.weights).items()},
         "moveit6d": versions()["moveit6d"],
     }
 
 
 @contextmanager
-def _summary(path: Path, record: TrackSummary, args: argparse.Namespace) -> Iterator[None]:
+def _summary(
+    path: Path, records: Sequence[TrackSummary], names: Sequence[str], args: argparse.Namespace
+) -> Iterator[None]:
     """Write the summary when the block ends, however it ends, if there was a frame."""
     from ..io import write_json
 
@@ -167,15 +233,22 @@ def _summary(path: Path, record: TrackSummary, args: argparse.Namespace) -> Iter
         interrupted = True
         raise
     finally:
-        if record.frames:
-            facts = {
-                **record.facts(),
+        if records[0].frames:
+            facts = records[0].facts()
+            if len(records) > 1:
+                facts = {
+                    "frames": records[0].frames,
+                    "objects": {
+                        name: record.facts() for name, record in zip(names, records, strict=True)
+                    },
+                }
+            write_json(path, {
+                **facts,
                 "interrupted": interrupted,
                 **weights_facts(args.weights),
                 "versions": versions(),
                 "arguments": given(args),
-            }
-            write_json(path, facts)
+            })  # fmt: skip
 
 
 def _movie(path: Path, fps: float | None, left_out: bool) -> AbstractContextManager[Any]:
@@ -184,13 +257,18 @@ def _movie(path: Path, fps: float | None, left_out: bool) -> AbstractContextMana
     return nullcontext() if left_out else VideoWriter(path, fps or 25.0)
 
 
-def _verdict(record: TrackSummary, output: Path) -> int:
-    if record.failed == record.frames:
-        first = record.failures[0]["error"] if record.failures else "there was no frame."
+def _verdict(records: Sequence[TrackSummary], names: Sequence[str], output: Path) -> int:
+    if all(record.failed == record.frames for record in records):
+        failures = records[0].failures
+        first = failures[0]["error"] if failures else "there was no frame."
         raise InputError(f"no frame could be tracked; the first says: {first}")
-    pace = record.facts()["median_milliseconds"]
-    text = f"{record.frames} frames, {record.failed} failed, {pace:.0f} ms a frame"
-    if record.lost_from is not None:
-        text += f", perhaps lost from frame {record.lost_from}"
-    print(f"{text}: {output}")
+    for record, name in zip(records, names, strict=True):
+        pace = record.facts()["median_milliseconds"] or 0.0
+        lost = record.states.get("lost", 0)
+        text = f"{record.frames} frames, {record.failed} failed, {pace:.0f} ms a frame"
+        if lost:
+            text += f", lost in {lost}"
+        elif record.lost_from is not None:
+            text += f", perhaps lost from frame {record.lost_from}"
+        print(f"{name}: {text}: {output}" if name else f"{text}: {output}")
     return 0

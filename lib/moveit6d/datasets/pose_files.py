@@ -51,6 +51,13 @@ class PoseRow:
     state: str = ""
 
 
+def track_columns(objects: int) -> tuple[str, ...]:
+    """Columns of poses.csv; of several objects with their names before the state."""
+    if objects == 1:
+        return TRACK_COLUMNS
+    return (*TRACK_COLUMNS[:-1], "object", TRACK_COLUMNS[-1])
+
+
 def read_camera(path: Path) -> Camera:
     """Camera of a camera.json: fx, fy, cx, cy, width, height and, optional, distortion."""
     content = read_json(path)

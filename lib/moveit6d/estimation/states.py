@@ -40,12 +40,12 @@ class StateConfig:
             tracked; until then it is uncertain.
     """
 
-    confidence: float = 12.0
-    agreement: float = 3.0
-    intercept: float = -9.5
-    confirmed: float = 0.6
-    doubted: float = 0.4
-    rejected: float = 0.35
+    confidence: float = 11.5
+    agreement: float = 4.5
+    intercept: float = -9.8
+    confirmed: float = 0.5
+    doubted: float = 0.3
+    rejected: float = 0.25
     frames_to_lose: int = 3
     frames_to_find: int = 1
 

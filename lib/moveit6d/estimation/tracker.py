@@ -32,8 +32,8 @@ from .track_state import LOW_CONFIDENCE, PerturbationConfig, TrackState
 # Starts around each of the three recovery poses (`TrackState.recovery_poses`) while the confidence
 # is low. Wider perturbations find the object no more often, and more often something else.
 RECOVERY = PerturbationConfig(3, shift=(25.0, 25.0, 8.0), turn=(10.0, 30.0))
-# Of the contour where it is not measured.
-USUAL_AGREEMENT = 0.7
+# Of the contour where it is not measured: what the confidence alone says then.
+USUAL_AGREEMENT = 0.4
 
 
 class PoseTracker:
