@@ -81,35 +81,7 @@ examples:
 def add_parser(verbs: Any) -> None:
     """Add the verb."""
     parser = add_verb(verbs, "track", "follow an object through a video", DESCRIPTION, EPILOG)
-    needed = parser.add_argument_group("needed")
-    needed.add_argument(
-        "--mesh",
-        type=Path,
-        required=True,
-        action="append",
-        metavar="FILE",
-        help="the object; once for each of several",
-    )
-    needed.add_argument(
-        "--mesh_unit",
-        "--unit",
-        choices=("m", "mm"),
-        required=True,
-        action="append",
-        help="the mesh's unit; once, or for each mesh",
-    )
-    needed.add_argument(
-        "--video",
-        required=True,
-        metavar="SOURCE",
-        help="folder of images, video file or camera index",
-    )
-    needed.add_argument(
-        "--camera", type=Path, required=True, metavar="FILE", help="intrinsics (camera.json)"
-    )
-    needed.add_argument(
-        "--output", type=Path, required=True, metavar="DIR", help="folder for the results"
-    )
+    _add_needed_options(parser)
     parser.add_argument(
         "--start",
         type=Path,
@@ -140,6 +112,39 @@ def add_parser(verbs: Any) -> None:
     add_tracking_options(parser)
     add_beyond_paper_options(parser)
     parser.set_defaults(run=run)
+
+
+def _add_needed_options(parser: argparse.ArgumentParser) -> None:
+    """What every track needs."""
+    needed = parser.add_argument_group("needed")
+    needed.add_argument(
+        "--mesh",
+        type=Path,
+        required=True,
+        action="append",
+        metavar="FILE",
+        help="the object; once for each of several",
+    )
+    needed.add_argument(
+        "--mesh_unit",
+        "--unit",
+        choices=("m", "mm"),
+        required=True,
+        action="append",
+        help="the mesh's unit; once, or for each mesh",
+    )
+    needed.add_argument(
+        "--video",
+        required=True,
+        metavar="SOURCE",
+        help="folder of images, video file or camera index",
+    )
+    needed.add_argument(
+        "--camera", type=Path, required=True, metavar="FILE", help="intrinsics (camera.json)"
+    )
+    needed.add_argument(
+        "--output", type=Path, required=True, metavar="DIR", help="folder for the results"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -15,6 +15,7 @@ import numpy as np
 from ..datasets.pose_files import PoseRow
 from ..datasets.video import Frame
 from ..errors import InputError
+from ..estimation.states import TrackingState
 from ..estimation.track_state import LOW_CONFIDENCE
 from .metrics import LOST_RUN
 
@@ -63,9 +64,21 @@ def run_tracker(
     `names` are those of the tracker's objects.
     """
     for frame in frames:
-        results = tracker.update(frame.image)
-        steps = [_step(frame, result, name) for result, name in zip(results, names, strict=True)]
+        if frame.image is None:
+            steps = [_unread(frame, name) for name in names]
+        else:
+            results = tracker.update(frame.image)
+            steps = [
+                _step(frame, result, name) for result, name in zip(results, names, strict=True)
+            ]
         yield replace(steps[0], others=tuple(steps[1:]))
+
+
+def _unread(frame: Frame, name: str) -> TrackedFrame:
+    """What is known of an object in a frame that cannot be read."""
+    state = str(TrackingState.UNCERTAIN)
+    row = PoseRow(frame.index, frame.name, stopped_by=FAILED, object=name, state=state)
+    return TrackedFrame(frame, row, frame.error or "no image.")
 
 
 def _step(frame: Frame, result: TrackingResult, name: str) -> TrackedFrame:
@@ -78,14 +91,11 @@ def _step(frame: Frame, result: TrackingResult, name: str) -> TrackedFrame:
         iterations=None if failed else result.iterations,
         stopped_by=result.stopped_by.value,
         confidence=None if failed else result.confidence,
-        milliseconds=None if frame.image is None else result.milliseconds,
+        milliseconds=result.milliseconds,
         object=name,
         state=str(result.state),
     )
-    error = (result.error or "no pose.") if failed else None
-    if frame.image is None:
-        error = frame.error or "no image."
-    return TrackedFrame(frame, row, error)
+    return TrackedFrame(frame, row, (result.error or "no pose.") if failed else None)
 
 
 @dataclass
