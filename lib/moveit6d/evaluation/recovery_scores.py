@@ -38,7 +38,7 @@ def cut(frames: Iterable[Frame], photos: Sequence[Image], seed: int) -> Iterator
         if photo is None or frame.index % PICTURE == 0:
             height, width = frame.image.shape[:2]
             picked = Pillow.fromarray(choice.choice(photos)).resize((width, height))
-            photo = np.asarray(picked)
+            photo = np.array(picked)
         yield replace(frame, image=photo)
 
 

@@ -18,11 +18,13 @@ class TemplateConfig:
         rotations: sides from which it is described, spread evenly over all rotations.
         coarse_rotations: of the fewer ones that look for places.
         channels: of a descriptor, projected to the axes that tell the object's cells apart best.
+        colour: weight of three channels of coarse colour beside them.
     """
 
     rotations: int = 600
     coarse_rotations: int = 150
     channels: int = 32
+    colour: float = 0.22
 
     def __post_init__(self) -> None:
         if min(self.rotations, self.coarse_rotations, self.channels) < 1:
@@ -40,7 +42,7 @@ class MatchConfig:
         local_mean: cells a side over which the image's descriptors are centred.
         places: how many places are looked into, thinned so that no two of them are the same.
         views: rotations that are kept of each place at most.
-        candidates: poses that are kept in all.
+        candidates: poses that are refined; as many more are, if none of these is accepted.
         tolerance_weight: of the score in which each cell may lie one cell beside where it should,
             against the score in units of a template's spread over the image.
     """
@@ -48,7 +50,7 @@ class MatchConfig:
     widths: tuple[float, float] = (0.1, 0.75)
     step: float = 1.22
     local_mean: int = 13
-    places: int = 12
+    places: int = 20
     views: int = 12
     candidates: int = 48
     tolerance_weight: float = 12.0

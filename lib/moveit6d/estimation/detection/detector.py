@@ -177,13 +177,22 @@ class PoseDetector:
         """
         frame = prepare_frame(image, self.camera)
         known = region or SearchRegion()
+        found = Detection(())
         poses = [pose for pose in given if self._in_sight(pose)]
         if search:
             levels = self.pyramid_of(frame) if pyramid is None else pyramid
             candidates = yield from self._search(frame, known, levels)
             poses += self._poses(candidates, frame.camera)
-        refined = yield from self._tournament(frame, poses, instances)
-        return self._judged(frame, refined, instances)
+        size = self.config.match.candidates
+        results: list[FoundPose] = []
+        for first in range(0, len(poses), size):
+            refined = yield from self._tournament(frame, poses[first : first + size], instances)
+            results += self._judged(frame, refined)
+            yield
+            found = self._answer(results, instances)
+            if len(found.instances) >= instances:
+                break
+        return found
 
     def pyramid_of(self, frame: Frame) -> Pyramid:
         """The frame at all scales, described by this detector's policy."""
@@ -198,7 +207,7 @@ class PoseDetector:
         bank, config = self.prepare(), self.config.match
         yield
         low, high = region.widths(self.mesh, frame.camera, config.widths)
-        matcher = Matcher(bank, config)
+        matcher = Matcher(bank, config, self.config.templates.colour)
         window = region.window(self.mesh, frame.camera, high)
         if window is not None:
             background = max(0.5 * (low + high), WIDTH / BACKGROUND)
@@ -258,8 +267,8 @@ class PoseDetector:
         ranked = sorted((r for r in results if r.pose is not None), key=lambda r: -r.confidence)
         return ranked[:count]
 
-    def _judged(self, frame: Frame, results: Sequence[TrackingResult], instances: int) -> Detection:
-        """Fit the contours, look at every pose once more, and say which of them are right."""
+    def _judged(self, frame: Frame, results: Sequence[TrackingResult]) -> list[FoundPose]:
+        """Fit the contours, and look at every pose once more."""
         alive = []
         for result in results:
             if result.pose is not None:
@@ -272,8 +281,11 @@ class PoseDetector:
             evidence = Evidence(result.confidence, cosine)
             probability = evidence.probability(self.config.judge)
             found.append(FoundPose(replace(result, confidence=probability), probability, evidence))
-        found.sort(key=lambda one: -one.probability)
-        apart = self._apart(found)
+        return found
+
+    def _answer(self, found: Sequence[FoundPose], instances: int) -> Detection:
+        """Which of the poses are right, as many as there may be instances."""
+        apart = self._apart(sorted(found, key=lambda one: -one.probability))
         accepted = [one for one in apart if one.probability >= self.config.accepted][:instances]
         rest = [one for one in apart if not any(one is kept for kept in accepted)]
         return Detection(tuple(accepted), tuple(rest))

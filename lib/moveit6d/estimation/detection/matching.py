@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from .config import MatchConfig
-from .templates import CELL, WIDTH, Describe, TemplateBank, Templates
+from .templates import CELL, WIDTH, Describe, TemplateBank, Templates, colour_cells
 
 SAMPLES = 250  # places of each level from which a template's usual score is learnt
 REACH = 2  # cells around a place in which each template finds its own best position
@@ -31,7 +31,7 @@ class Level:
 
     `width` is the sphere's in pixels of the image, `scale` the level's pixels an image pixel,
     `left` and `top` the image pixel of the level's corner; `features` (D, h, w) are normalised
-    descriptors without their local mean.
+    descriptors without their local mean, `colours` (3, h, w) as `colour_cells` has them.
     """
 
     width: float
@@ -39,6 +39,7 @@ class Level:
     left: float
     top: float
     features: Tensor
+    colours: Tensor
 
     def pixel(self, x: float, y: float) -> tuple[float, float]:
         """Image pixel of a place in cells (half-pixel rule)."""
@@ -111,8 +112,9 @@ class Pyramid:
         resized = functional.interpolate(
             part, size=size, mode="bilinear", antialias=True, align_corners=False
         )
-        features = _locally_centred(self.describe(resized), self.local_mean)
-        return Level(width, scale, float(left), float(top), features[0])
+        features = _locally_centred(self.describe(resized), self.local_mean)[0]
+        colours = colour_cells(resized, features.shape[1:])[0]
+        return Level(width, scale, float(left), float(top), features, colours)
 
 
 def _locally_centred(features: Tensor, cells: int) -> Tensor:
@@ -127,11 +129,12 @@ class Matcher:
     """One object's templates against the levels of one image.
 
     Call `add` for every level, then `candidates`. Scores are in units of each template's mean and
-    spread over the image: some sides of an object look like anything.
+    spread over the image: some sides of an object look like anything. `colour` is the weight of the
+    colours beside the descriptors.
     """
 
-    def __init__(self, bank: TemplateBank, config: MatchConfig) -> None:
-        self.bank, self.config = bank, config
+    def __init__(self, bank: TemplateBank, config: MatchConfig, colour: float) -> None:
+        self.bank, self.config, self.colour = bank, config, colour
         self.levels: list[Level] = []
         self._projected: list[Tensor] = []  # (C, h + k - 1, w + k - 1)
         self._coarse: list[Tensor] = []  # (coarse templates, h, w)
@@ -146,7 +149,8 @@ class Matcher:
         """
         k = self.bank.fine.cells
         projected = torch.einsum("dhw,dc->chw", level.features, self.bank.fine.basis)
-        padded = functional.pad(projected, [k // 2] * 4)
+        channels = torch.cat([projected, self.colour * level.colours])
+        padded = functional.pad(channels, [k // 2] * 4)
         self._background.append(_random_windows(padded, k, SAMPLES, self._random))
         if background_only:
             return
@@ -170,7 +174,7 @@ class Matcher:
         if not found:
             return _gathered([])
         every = _gathered(found)
-        return every[every.scores.argsort(descending=True)[: self.config.candidates]]
+        return every[every.scores.argsort(descending=True)[: 2 * self.config.candidates]]
 
     def _places(self, spread: tuple[Tensor, Tensor]) -> list[tuple[int, int, int]]:
         """Level, row and column of the best places, thinned over all levels."""

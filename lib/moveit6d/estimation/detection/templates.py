@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +29,7 @@ CELL = 8  # pixels a side that one descriptor stands for
 WIDTH = 64
 PATCH = 96  # pixels a side of a rendering: its descriptors are centred over all of it
 GREY = 0.45  # around the object in a template: a dark background would be an outline of its own
+COLOUR_SPREAD = 0.15  # of opponent colours in ordinary images
 DISTANCE = 5.0  # sphere diameters from which templates are seen: nearly without perspective
 BATCH = 32  # renderings a pass of the network
 
@@ -40,9 +41,9 @@ class Templates:
     """One mesh from `N` sides.
 
     `rotations` (N, 3, 3) float64 are the object's as seen along the ray through its centre;
-    `kernels` (N, C, k, k) the descriptors, projected to the C axes that tell the object's own cells
-    apart best (`basis` (D, C)), normalised, masked and divided by the mask's sum, so that the
-    correlation with normalised descriptors of an image is a mean cosine over the object; `masks`
+    `kernels` (N, C, k, k) the normalised descriptors, projected to the axes that tell the object's
+    own cells apart best (`basis` (D, C − 3)), and three channels of colour, masked and divided by
+    the mask's sum, so that the correlation with an image's is a mean over the object; `masks`
     (N, k, k) the covered share of each cell; `boxes` (N, 4) the silhouettes' left, top, right and
     bottom edges from the centre, in widths of the object's sphere.
     """
@@ -85,15 +86,19 @@ def make_templates(
     views = [_views(mesh, rotations, describe, renderer) for rotations in sides]
     fine = views[0]
     basis = _principal_axes(fine.features.permute(0, 2, 3, 1)[fine.weight > 0], config.channels)
-    return TemplateBank(*(one.templates(basis) for one in views))
+    return TemplateBank(*(one.templates(basis, config.colour) for one in views))
 
 
 @dataclass(frozen=True)
 class _Views:
-    """Normalised descriptors (N, D, h, w) of renderings, and how much of each cell is covered."""
+    """Normalised descriptors (N, D, h, w) and colours (N, 3, h, w) of renderings.
+
+    `covered` (N, h, w) is the object's share of each cell.
+    """
 
     rotations: Tensor
     features: Tensor
+    colours: Tensor
     covered: Tensor
     boxes: Tensor
 
@@ -102,10 +107,11 @@ class _Views:
         """Of each cell (N, h, w): its covered share, 0 under a half."""
         return torch.where(self.covered > 0.5, self.covered, 0.0)
 
-    def templates(self, basis: Tensor) -> Templates:
+    def templates(self, basis: Tensor, colour: float) -> Templates:
         """Project to a basis (D, C) and cut the middle out, where the object is."""
         weight = self.weight[:, None]
-        kernels = torch.einsum("bchw,cd->bdhw", self.features, basis) * weight
+        projected = torch.einsum("bchw,cd->bdhw", self.features, basis)
+        kernels = torch.cat([projected, colour * self.colours], 1) * weight
         kernels = kernels / (weight.sum((2, 3), keepdim=True) + 1e-6)
         edge = (PATCH - WIDTH) // CELL // 2
         inner = slice(edge, edge + WIDTH // CELL)
@@ -119,7 +125,7 @@ class _Views:
 
 
 def _views(mesh: Mesh, rotations: Tensor, describe: Describe, renderer: Renderer) -> _Views:
-    features, covered, boxes = [], [], []
+    features, colours, covered, boxes = [], [], [], []
     for first in range(0, len(rotations), BATCH):
         some = rotations[first : first + BATCH]
         images, mask = _render(mesh, some, renderer)
@@ -127,9 +133,22 @@ def _views(mesh: Mesh, rotations: Tensor, describe: Describe, renderer: Renderer
         # The patch's mean says nothing about where a cell belongs on the object.
         described = described - described.mean((2, 3), keepdim=True)
         features.append(functional.normalize(described, dim=1))
+        colours.append(colour_cells(images, described.shape[2:]))
         covered.append(functional.avg_pool2d(mask, CELL)[:, 0])
         boxes.append(_boxes(mask[:, 0]))
-    return _Views(rotations, torch.cat(features), torch.cat(covered), torch.cat(boxes))
+    parts = (torch.cat(some) for some in (features, colours, covered, boxes))
+    return _Views(rotations, *parts)
+
+
+def colour_cells(images: Tensor, size: Sequence[int]) -> Tensor:
+    """Two opponent colours and the brightness of cells: (B, 3, H, W) in [0, 1] → (B, 3, *size).
+
+    In units of `COLOUR_SPREAD`, about as large as the channels of a normalised descriptor.
+    """
+    cells = functional.interpolate(images - GREY, size=list(size), mode="area")
+    red, green, blue = cells.split(1, 1)
+    opponents = [red - green, green - blue, 0.5 * cells.mean(1, keepdim=True)]
+    return torch.cat(opponents, 1) / COLOUR_SPREAD
 
 
 def _render(mesh: Mesh, rotations: Tensor, renderer: Renderer) -> tuple[Tensor, Tensor]:
@@ -214,7 +233,7 @@ def _write(path: Path, bank: TemplateBank) -> None:
 
     path.parent.mkdir(parents=True, exist_ok=True)
     values = {
-        f"{level}.{name}": getattr(getattr(bank, level), name).contiguous()
+        f"{level}.{name}": getattr(getattr(bank, level), name).contiguous().clone()
         for level in _LEVELS
         for name in _FIELDS
     }
