@@ -146,7 +146,7 @@ def colour_cells(images: Tensor, size: Sequence[int]) -> Tensor:
     In units of `COLOUR_SPREAD`, about as large as the channels of a normalised descriptor.
     """
     cells = functional.interpolate(images - GREY, size=list(size), mode="area")
-    red, green, blue = cells.split(1, 1)
+    red, green, blue = cells[:, :1], cells[:, 1:2], cells[:, 2:]
     opponents = [red - green, green - blue, 0.5 * cells.mean(1, keepdim=True)]
     return torch.cat(opponents, 1) / COLOUR_SPREAD
 
