@@ -240,13 +240,13 @@ def _rows(frame: Frame, answer: _Answer) -> list[PoseRow]:
         return [
             PoseRow(
                 frame.index, frame.name, stopped_by="failed", confidence=answer.best,
-                milliseconds=answer.milliseconds,
+                milliseconds=answer.milliseconds, state="lost",
             )
         ]  # fmt: skip
     return [
         PoseRow(
             frame.index, frame.name, pose, iterations, "max_iterations", probability,
-            answer.milliseconds,
+            answer.milliseconds, state="tracking",
         )
         for pose, probability, iterations in answer.poses
     ]  # fmt: skip
