@@ -15,18 +15,25 @@ from moveit6d.config import (
     ActionMode,
     CalibrationConfig,
     ContourConfig,
+    DetectorConfig,
+    JudgeConfig,
     LoopConfig,
+    MatchConfig,
     MotionConfig,
     MultiStartConfig,
     PerturbationConfig,
+    RecoveryConfig,
     SeedDetectorConfig,
+    StateConfig,
+    TemplateConfig,
     TrackerConfig,
 )
 from moveit6d.errors import InputError
 
 KINDS = (
     TrackerConfig, LoopConfig, MultiStartConfig, PerturbationConfig, MotionConfig, ContourConfig,
-    CalibrationConfig, SeedDetectorConfig,
+    CalibrationConfig, SeedDetectorConfig, TemplateConfig, MatchConfig, JudgeConfig, DetectorConfig,
+    StateConfig, RecoveryConfig,
 )  # fmt: skip
 
 
@@ -48,6 +55,7 @@ def test_the_paper_has_nothing_beyond_the_paper() -> None:
     paper = PAPER_CONFIG
     assert paper.loop.mode == "single" and not paper.loop.fine_stage and not paper.loop.augment
     assert not (paper.multi_start.enabled or paper.contour.enabled or paper.calibration.enabled)
+    assert not paper.recovery.enabled
     assert paper.loop.limit(ActionMode.SINGLE) == 30
 
 
@@ -57,6 +65,10 @@ def test_the_paper_has_nothing_beyond_the_paper() -> None:
         (lambda: LoopConfig(mode="both"), "no mode 'both'"),  # type: ignore[arg-type]
         (lambda: LoopConfig(max_iterations=0), "1 or more"),
         (lambda: LoopConfig(step_size=0.0), "step_size"),
+        (lambda: StateConfig(doubted=0.6), "rejected ≤ doubted ≤ confirmed"),
+        (lambda: StateConfig(frames_to_lose=0), "1 or more"),
+        (lambda: RecoveryConfig(interval=0), "interval must be 1 or more"),
+        (lambda: RecoveryConfig(max_milliseconds=-1.0), "must not be negative"),
         (lambda: LoopConfig(fine_scale=0.5), "fine_scale"),
         (lambda: TrackerConfig(low_confidence=0.9), "low_confidence ≤ high_confidence"),
     ],

@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import torch
 from torch import Tensor
@@ -62,6 +62,15 @@ def mode_of(policy: Policy, mode: Mode | None) -> ActionMode:
     return policy.mode if mode is None else ActionMode(mode)
 
 
+@runtime_checkable
+class DescriptorPolicy(Policy, Protocol):
+    """A policy that also says what places in images look like: what detection searches with."""
+
+    def descriptors(self, images: Tensor) -> Tensor:
+        """A descriptor for each cell of 8 × 8 pixels: (B, 3, H, W) in [0, 1] → (B, C, h, w)."""
+        ...
+
+
 def to_action(prediction: PolicyOutput, mode: ActionMode, step_size: float = 1.0) -> PoseAction:
     """The update that a prediction stands for.
 
@@ -97,6 +106,10 @@ class NetworkPolicy:
     def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
         """One pass of the network."""
         return self.network(observation)
+
+    def descriptors(self, images: Tensor) -> Tensor:
+        """What each cell of 8 × 8 pixels looks like: images (B, 3, H, W) → (B, C, H / 8, W / 8)."""
+        return self.network.descriptors(images)
 
 
 class DihedralAugmentation:

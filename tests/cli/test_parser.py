@@ -26,7 +26,7 @@ TRACK = ["--mesh", "m.ply", "--video", "v", "--camera", "c", "--start", "s", "--
 )
 def test_dashes_and_underscores_are_the_same(words: list[str]) -> None:
     args = make_parser().parse_args(words)
-    assert args.mesh_unit == "mm" and args.exact_start and args.no_overlay
+    assert args.mesh_unit == ["mm"] and args.exact_start and args.no_overlay
 
 
 def test_values_keep_their_dashes_and_verbs_their_spelling() -> None:

@@ -179,15 +179,16 @@ def test_detect_writes_a_start(
     write_camera(tmp_path / "camera.json", scene.camera)
     files = ["--image", str(tmp_path / "first.png"), "--camera", str(tmp_path / "camera.json")]
     command = ["detect", "--mesh", str(brick_file), "--mesh_unit", "m", *files]
-    options = ["--rotations", "2", "--sinks", "1", "--sizes", "0.4"]
+    options = ["--method", "seeds", "--rotations", "2", "--sinks", "1", "--sizes", "0.4"]
     out = tmp_path / "found"
     assert main([*command, *options, "--output", str(out)]) == 0
-    assert "confidence 1.00" in capsys.readouterr().out
+    assert "probability 1.00" in capsys.readouterr().out
     found, true = Pose.load(out / "pose.json"), scene.pose(0)
     torch.testing.assert_close(found.translation, true.translation, atol=1e-3, rtol=0)
     overlay = np.asarray(Image.open(out / "overlay.png"))
     assert overlay.shape == (120, 160, 3) and (overlay != scene.image(0)).any()
     facts = json.loads((out / "detection.json").read_text(encoding="utf-8"))
-    assert facts["candidates"] == 2 and len(facts["sinks"]) == 1
+    image = facts["images"][0]
+    assert image["candidates"] == 2 and len(image["sinks"]) == 1
     write_camera(tmp_path / "camera.json", replace(scene.camera, width=100, height=100))
     assert main([*command, "--output", str(out)]) == 2

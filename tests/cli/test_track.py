@@ -83,8 +83,10 @@ def test_a_track_is_written_whole(clip: Clip, scene: Any, capsys: Any) -> None:
     assert frames_in(clip.output / "overlay.mp4") == 5
     summary = clip.summary()
     assert (summary["frames"], summary["failed"], summary["lost_from_frame"]) == (5, 0, None)
+    assert {row.state for row in rows} == {"tracking"} and summary["states"] == {"tracking": 5}
+    assert summary["events"] == [{"state": "tracking", "first": 0, "last": 4}]
     assert summary["interrupted"] is False and summary["median_milliseconds"] > 0
-    assert summary["arguments"]["mesh_unit"] == "m" and "torch" in summary["versions"]
+    assert summary["arguments"]["mesh_unit"] == ["m"] and "torch" in summary["versions"]
     assert "5 frames, 0 failed" in capsys.readouterr().out
 
 
@@ -136,7 +138,7 @@ def test_a_bad_frame_keeps_its_row_and_the_track_goes_on(clip: Clip, capsys: Any
     assert [row.pose is None for row in rows] == [False, True, False, True, False]
     assert [row.frame for row in rows] == [0, 1, 2, 3, 4]
     line = (clip.output / "poses.csv").read_text().splitlines()[2]
-    assert line == "1,000001.png,,,,,,,,,,,,,,failed,,"
+    assert line == "1,000001.png,,,,,,,,,,,,,,failed,,,uncertain"
     summary = clip.summary()
     assert summary["failed"] == 2
     assert "not a readable image" in summary["failures"][0]["error"]

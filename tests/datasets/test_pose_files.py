@@ -124,9 +124,9 @@ def test_poses_come_back_and_holes_stay_holes(tmp_path: Path) -> None:
     lines = path.read_text().splitlines()
     assert lines[0] == (
         "frame,image,r11,r12,r13,r21,r22,r23,r31,r32,r33,tx,ty,tz,"
-        "steps,stopped_by,confidence,milliseconds"
+        "steps,stopped_by,confidence,milliseconds,state"
     )
-    assert lines[2] == "1,b.png,,,,,,,,,,,,,,failed,,"
+    assert lines[2] == "1,b.png,,,,,,,,,,,,,,failed,,,"
     back = read_poses(path)
     assert [row.image for row in back] == [row.image for row in rows]
     assert back[1].pose is None and back[1].iterations is None and back[1].milliseconds is None

@@ -42,7 +42,9 @@ def test_only_pose_and_time_change(near: Target) -> None:
     assert found.centred is not None
     assert off(near.mesh.outer(found.centred), near.mesh) < 0.8 * off(near.pose, near.mesh)
     assert found.milliseconds > 5.0 and histograms is not None
-    assert replace(found, centred=None, milliseconds=5.0) == replace(given, centred=None)
+    assert found.contour_agreement is not None and found.contour_agreement > 0.5
+    same = replace(found, centred=None, milliseconds=5.0, contour_agreement=None)
+    assert same == replace(given, centred=None)
 
 
 def test_a_failed_result_stays(near: Target) -> None:

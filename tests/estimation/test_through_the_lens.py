@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 
 from moveit6d.config import SeedDetectorConfig
-from moveit6d.estimation import PoseDetector, PoseEstimator, PoseTracker, tracker
+from moveit6d.estimation import PoseEstimator, PoseTracker, SeedDetector, tracker
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -75,7 +75,7 @@ def test_detection_sees_the_image_without_the_lens(brick: Mesh) -> None:
     camera = Camera.from_matrix(CAMERA.matrix, 256, 256, lens)
     seen: list[Camera] = []
 
-    class Looking(PoseDetector):
+    class Looking(SeedDetector):
         def seed(self, image: Any) -> Any:
             seen.append(image.camera)
             raise StopIteration

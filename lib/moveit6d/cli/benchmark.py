@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..synthesis.training.clusters import CLUSTERS
-from . import benchmark_tracking
+from . import benchmark_detection, benchmark_tracking
 from .common import (
     add_machine_options,
     add_tracking_options,
@@ -24,6 +24,8 @@ from .settings import settings_of
 
 DESCRIPTION = """\
   moveit6d benchmark tracking   tracks whole sequences, beside rivals' results
+  moveit6d benchmark detection  finds objects in single frames, from nothing
+  moveit6d benchmark recovery   loses objects and finds them again
   moveit6d benchmark refinement   refines rendered objects from starts of a known distance
   moveit6d benchmark iteration    times the parts of one iteration: crop, render, network, move
   moveit6d benchmark oracle     proves the loop with a policy that knows the truth
@@ -75,6 +77,7 @@ def add_parser(verbs: Any) -> None:
     )
     kinds = parser.add_subparsers(title="kinds", metavar="KIND", required=True)
     benchmark_tracking.add_kind(kinds)
+    benchmark_detection.add_kinds(kinds)
     three = add_verb(
         kinds, "refinement", "refine rendered objects", REFINEMENT, REFINEMENT_EXAMPLES
     )

@@ -23,9 +23,9 @@ CAMERA_FILES = """\
 """
 
 
-def add_camera_options(group: Any) -> None:
+def add_camera_options(group: Any, required: bool = True) -> None:
     """--camera, or --fov for who has no such file."""
-    either = group.add_mutually_exclusive_group(required=True)
+    either = group.add_mutually_exclusive_group(required=required)
     either.add_argument("--camera", type=Path, metavar="FILE", help="intrinsics (camera.json, …)")
     either.add_argument(
         "--fov",

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from .. import __version__
 from ..config import TrackerConfig
 from ..errors import InputError
-from .messages import add_message_options, note
+from .messages import add_message_options
 from .settings import DEFAULT, PREFIX, add_settings, settings_of
-from .watching import watching
+from .watching import Watcher
 
 if TYPE_CHECKING:
     from ..evaluation.run_tracker import TrackedFrame
@@ -172,13 +172,15 @@ def set_up(args: argparse.Namespace) -> tuple[Policy, Renderer]:
 def complaining(steps: Iterable[TrackedFrame], prefix: str = "") -> Iterator[TrackedFrame]:
     """The same steps, with a line on stderr where frames begin to fail or fail differently.
 
-    And where the confidence goes and comes back (`watching`).
+    And where the confidence goes and comes back (`watching`); for each object.
     """
-    last = None
-    for step in watching(steps, prefix):
-        if step.error is not None and step.error != last:
-            note(f"{prefix}frame {step.frame.index}: {step.error}")
-        last = step.error
+    watchers: dict[str, Watcher] = {}
+    for step in steps:
+        for one in (step, *step.others):
+            name = one.row.object
+            if name not in watchers:
+                watchers[name] = Watcher(f"{prefix}{name}: " if name else prefix)
+            watchers[name].see(one)
         yield step
 
 
@@ -210,10 +212,16 @@ def weights_facts(path: Path | None) -> dict[str, str | None]:
 def given(args: argparse.Namespace) -> dict[str, Any]:
     """The arguments of a command as JSON can hold them."""
     return {
-        key.removeprefix(PREFIX): str(value) if isinstance(value, Path) else value
+        key.removeprefix(PREFIX): _plain(value)
         for key, value in sorted(vars(args).items())
         if key != "run"
     }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_plain(one) for one in value]
+    return str(value) if isinstance(value, Path) else value
 
 
 def new_folder(path: Path) -> Path:

@@ -81,11 +81,12 @@ def run(args: argparse.Namespace) -> int:
         )
     given = {
         **vars(args),
-        "mesh": folder / "mesh.glb",
-        "mesh_unit": "m",
+        "mesh": [folder / "mesh.glb"],
+        "mesh_unit": ["m"],
         "video": str(folder / "frames"),
         "camera": folder / "camera.json",
-        "start": folder / "start.json",
+        "start": [folder / "start.json"],
+        "texture_from_start": False,
         "output": args.output / "track",
         "exact_start": True,
         "report": None,

@@ -5,6 +5,8 @@ Never decides what is drawn how; `visualization` does.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ..datasets.video import Image
 from ..evaluation.run_tracker import TrackedFrame
 from ..geometry.camera import Camera
@@ -13,16 +15,27 @@ from ..rendering.renderer import Renderer
 from ..visualization.overlay import GREEN, RED, blank, draw_pose, draw_text
 
 
-def draw_step(step: TrackedFrame, mesh: Mesh, camera: Camera, renderer: Renderer) -> Image:
-    """The picture of one frame of overlay.mp4: outline, axes and a line of text."""
+def draw_step(
+    step: TrackedFrame, meshes: Mesh | Sequence[Mesh], camera: Camera, renderer: Renderer
+) -> Image:
+    """The picture of one frame of overlay.mp4: outlines, axes and a line of text an object."""
+    objects = [meshes] if isinstance(meshes, Mesh) else list(meshes)
+    image = blank(camera) if step.frame.image is None else step.frame.image
+    steps = (step, *step.others)
+    for one, mesh in zip(steps, objects, strict=True):
+        if one.row.pose is not None:
+            color = GREEN if one.confident else RED
+            image = draw_pose(image, mesh, one.row.pose, camera, renderer, color=color)
+    for line, one in enumerate(steps):
+        image = draw_text(image, _text(one), GREEN if one.confident else RED, line)
+    return image
+
+
+def _text(step: TrackedFrame) -> str:
     row = step.row
-    image = step.frame.image
-    if image is None:
-        image = blank(camera)
+    name = f"{row.object}  " if row.object else ""
     if row.pose is None:
-        return draw_text(image, f"frame {row.frame}  no pose", RED)
-    color = GREEN if step.confident else RED
+        return f"{name}frame {row.frame}  {'lost' if row.state == 'lost' else 'no pose'}"
     iterations = "1 iteration" if row.iterations == 1 else f"{row.iterations} iterations"
-    text = f"frame {row.frame}  confidence {row.confidence or 0:.2f}  {iterations}"
-    picture = draw_pose(image, mesh, row.pose, camera, renderer, color=color)
-    return draw_text(picture, text, color)
+    text = f"{name}frame {row.frame}  confidence {row.confidence or 0:.2f}  {iterations}"
+    return f"{text}  uncertain" if row.state == "uncertain" else text

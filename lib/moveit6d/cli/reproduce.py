@@ -301,7 +301,7 @@ def _attention(args: argparse.Namespace) -> Reproduction:
 
 
 def _detection(args: argparse.Namespace) -> Reproduction:
-    from ..estimation import PoseDetector, SeedDetectorConfig
+    from ..estimation import SeedDetector, SeedDetectorConfig
     from ..evaluation.reproduce import detection
 
     videos, data = _opened(args)
@@ -316,7 +316,7 @@ def _detection(args: argparse.Namespace) -> Reproduction:
         loop=setting.config.loop,
     )
     detectors = {
-        video.name: PoseDetector(
+        video.name: SeedDetector(
             video.load_mesh(),
             video.camera,
             policy=policy,

@@ -19,11 +19,16 @@ from ..config import TrackerConfig
 from ..errors import InputError
 
 # Options that are wanted often, beside the full name.
-SHORT = {"loop.mode": "--mode", "loop.max_iterations": "--max_iterations"}
+SHORT = {
+    "loop.mode": "--mode",
+    "loop.max_iterations": "--max_iterations",
+    "recovery.max_milliseconds": "--max_milliseconds",
+}
 OFF = {
     "multi_start.enabled": "--no_multi_start",
     "contour.enabled": "--no_contour",
     "calibration.enabled": "--no_calibration",
+    "recovery.enabled": "--no_recovery",
 }
 DEFAULT = TrackerConfig()
 PREFIX = "setting:"  # of the names under which argparse keeps them

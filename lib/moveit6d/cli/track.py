@@ -1,4 +1,4 @@
-"""`moveit6d track`: follow one object through one video.
+"""`moveit6d track`: follow objects through one video.
 
 Never more than reading, the tracker's update for each frame, and writing.
 """
@@ -6,7 +6,7 @@ Never more than reading, the tracker's update for each frame, and writing.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,6 +25,7 @@ from .common import (
     weights_facts,
 )
 from .messages import progress
+from .objects import load_meshes, object_names, painted, peek, read_starts, wants_paint
 from .reporting import check_report, reporting, rerun_log
 
 if TYPE_CHECKING:
@@ -33,9 +34,13 @@ if TYPE_CHECKING:
 DESCRIPTION = (
     """\
 Finds the pose in every frame, each starting from the one before; the first frame starts from
---start. A frame that cannot be used (damaged, of another size) is recorded and the track
-goes on with the next one. The start must be roughly right: within about a quarter of the
-object's width and 20 degrees.
+--start, or from where the object is found. A frame that cannot be used (damaged, of another size)
+is recorded and the track goes on with the next one. A start must be roughly right: within about a
+quarter of the object's width and 20 degrees. A lost object is looked for, near where it was and
+then in the whole image, and followed again once it is found.
+
+Several objects: --mesh, --mesh_unit and --start once for each of them (one --mesh_unit does for
+all); the same mesh twice are two instances.
 
 files read:
   --mesh    OBJ, PLY, GLB or STL, with texture, vertex colours or plain
@@ -49,10 +54,13 @@ files read:
             z forward, metres, in the frame of the mesh file
 
 files written to --output:
-  poses.csv     frame,image,r11,...,r33,tx,ty,tz,steps,stopped_by,confidence,milliseconds;
-                one row a frame, empty numbers where there is no pose
+  poses.csv     frame,image,r11,...,r33,tx,ty,tz,steps,stopped_by,confidence,milliseconds,state;
+                one row a frame (of several objects one row each, with a column object before
+                state), empty numbers where there is no pose; the state is tracking, uncertain
+                (there is a pose, it may be wrong) or lost
   overlay.mp4   outline and axes drawn on the frames (red where the confidence is low)
-  summary.json  frames, failed frames, milliseconds, where the track may be lost, versions
+  summary.json  frames, failed frames, milliseconds, states and events (from which frame to which
+                each state lasted), versions
   --report      one HTML page of the run for any browser: curves, pictures, worst frames first
   --rerun       the run for the rerun viewer (needs: pip install 'moveit6d[rerun]')
 """
@@ -64,32 +72,31 @@ examples:
       --camera camera.json --start pose.json --output out --report out/report.html
   moveit6d track --mesh part.stl --mesh_unit mm --video frames/ \\
       --camera camera.json --start pose.json --output out --no_overlay --threads 1
+  moveit6d track --mesh cup.glb --mesh can.glb --mesh_unit m --video clip.mp4 \\
+      --camera camera.json --output out
 """
 
 
 def add_parser(verbs: Any) -> None:
     """Add the verb."""
-    parser = add_verb(verbs, "track", "follow an object through a video", DESCRIPTION, EPILOG)
-    needed = parser.add_argument_group("needed")
-    needed.add_argument("--mesh", type=Path, required=True, metavar="FILE", help="the object")
-    needed.add_argument("--mesh_unit", choices=("m", "mm"), required=True, help="the mesh's unit")
-    needed.add_argument(
-        "--video",
-        required=True,
-        metavar="SOURCE",
-        help="folder of images, video file, address (rtsp://…, http://…) or camera index",
-    )
-    add_camera_options(needed)
-    needed.add_argument(
-        "--start", type=Path, required=True, metavar="FILE", help="pose in the first frame"
-    )
-    needed.add_argument(
-        "--output", type=Path, required=True, metavar="DIR", help="folder for the results"
+    parser = add_verb(verbs, "track", "follow objects through a video", DESCRIPTION, EPILOG)
+    _add_needed_options(parser)
+    parser.add_argument(
+        "--start",
+        type=Path,
+        action="append",
+        metavar="FILE",
+        help="pose in the first frame, once for each mesh (default: look for the objects)",
     )
     parser.add_argument(
         "--exact_start",
         action="store_true",
         help="the start pose is exact: calibrate from the first frame",
+    )
+    parser.add_argument(
+        "--texture_from_start",
+        action="store_true",
+        help="paint meshes without colours from the first frame, at the start pose",
     )
     parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
@@ -98,63 +105,100 @@ def add_parser(verbs: Any) -> None:
     parser.set_defaults(run=run)
 
 
+def _add_needed_options(parser: argparse.ArgumentParser) -> None:
+    """What every track needs."""
+    needed = parser.add_argument_group("needed")
+    needed.add_argument(
+        "--mesh",
+        type=Path,
+        required=True,
+        action="append",
+        metavar="FILE",
+        help="the object; once for each of several",
+    )
+    needed.add_argument(
+        "--mesh_unit",
+        choices=("m", "mm"),
+        required=True,
+        action="append",
+        help="the mesh's unit; once, or for each mesh",
+    )
+    needed.add_argument(
+        "--video",
+        required=True,
+        metavar="SOURCE",
+        help="folder of images, video file, address (rtsp://…, http://…) or camera index",
+    )
+    add_camera_options(needed)
+    needed.add_argument(
+        "--output", type=Path, required=True, metavar="DIR", help="folder for the results"
+    )
+
+
 def run(args: argparse.Namespace) -> int:
     """Track and write."""
     from ..datasets.live import Latest
-    from ..datasets.pose_files import PoseWriter
+    from ..datasets.pose_files import PoseWriter, track_columns
     from ..datasets.video import Prefetched, open_frames
-    from ..estimation import PoseTracker
+    from ..estimation import PoseTracker, TemplateStore
+    from ..estimation.detection import default_store
     from ..evaluation.run_tracker import TrackSummary, calibrating, run_tracker
-    from ..geometry.mesh import Mesh
-    from ..geometry.pose import Pose
     from .drawing import draw_step
 
-    mesh = Mesh.load(args.mesh, args.mesh_unit)
-    start, frames = Pose.load(args.start), open_frames(args.video)
+    meshes = load_meshes(args)
+    starts, frames = read_starts(args, len(meshes)), open_frames(args.video)
     camera = camera_of(args, frames)
     check_report(args.report, frames)
+    if len(meshes) > 1 and (args.report or args.rerun):
+        raise InputError("--report and --rerun show one object; leave them out with several.")
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
+    # What is live and read ahead would show the past.
+    ahead = iter(Latest(frames) if getattr(frames, "live", False) else Prefetched(frames))
+    if wants_paint(args, meshes):
+        first, ahead = peek(ahead)
+        meshes = painted(meshes, starts, first, camera)
     tracker = PoseTracker(
-        mesh,
+        meshes,
         camera,
-        start,
+        starts,
         policy=policy,
         renderer=renderer,
         config=setting.config,
+        store=TemplateStore(default_store()),
         threads=setting.threads,
     )
+    names = object_names(args.mesh)
     output = new_folder(args.output)
-    record = TrackSummary()
+    records = [TrackSummary() for _ in meshes]
     with (
-        _summary(output / "summary.json", record, args, setting),
-        reporting(args.report, _about(args), mesh, camera, frames, renderer) as page,
-        PoseWriter(output / "poses.csv") as table,
+        _summary(output / "summary.json", records, names, args, setting),
+        reporting(args.report, _about(args), meshes[0], camera, frames, renderer) as page,
+        PoseWriter(output / "poses.csv", track_columns(len(meshes))) as table,
         _movie(output / "overlay.mp4", frames.fps, args.no_overlay) as movie,
-        rerun_log(args.rerun, mesh, camera) as log,
+        rerun_log(args.rerun, meshes[0], camera) as log,
     ):
-        # What is live and read ahead would show the past.
-        ahead = Latest(frames) if getattr(frames, "live", False) else Prefetched(frames)
         watched = progress(ahead, frames.length, "track")
         exact = args.exact_start and setting.config.calibration.enabled
         known = calibrating(tracker, watched) if exact else watched
-        for step in complaining(run_tracker(tracker, known)):
-            table.write(step.row)
-            record.add(step)
+        for step in complaining(run_tracker(tracker, known, names)):
+            for record, one in zip(records, (step, *step.others), strict=True):
+                table.write(one.row)
+                record.add(one)
             page.add(step)
             if movie is not None:
-                movie.write(draw_step(step, mesh, camera, renderer))
+                movie.write(draw_step(step, meshes, camera, renderer))
             if log is not None:
                 log.write(step.frame, step.row, step.error)
-    return _verdict(record, output)
+    return _verdict(records, names, output)
 
 
 def _about(args: argparse.Namespace) -> dict[str, str]:
     """What a report says of the command."""
     return {
-        "object": str(args.mesh),
+        "object": ", ".join(map(str, args.mesh)),
         "video": str(args.video),
-        "start": str(args.start),
+        "start": ", ".join(map(str, args.start or ["looked for"])),
         **{name: str(value) for name, value in weights_facts(args.weights).items()},
         "moveit6d": versions()["moveit6d"],
     }
@@ -162,7 +206,11 @@ def _about(args: argparse.Namespace) -> dict[str, str]:
 
 @contextmanager
 def _summary(
-    path: Path, record: TrackSummary, args: argparse.Namespace, setting: Setting
+    path: Path,
+    records: Sequence[TrackSummary],
+    names: Sequence[str],
+    args: argparse.Namespace,
+    setting: Setting,
 ) -> Iterator[None]:
     """Write the summary when the block ends, however it ends, if there was a frame."""
     from ..io import write_json
@@ -174,9 +222,13 @@ def _summary(
         interrupted = True
         raise
     finally:
-        if record.frames:
+        if records[0].frames:
+            facts = records[0].facts()
+            if len(records) > 1:
+                objects = {name: one.facts() for name, one in zip(names, records, strict=True)}
+                facts = {"frames": records[0].frames, "objects": objects}
             facts = {
-                **record.facts(),
+                **facts,
                 "interrupted": interrupted,
                 **weights_facts(args.weights),
                 "versions": versions(),
@@ -192,13 +244,18 @@ def _movie(path: Path, fps: float | None, left_out: bool) -> AbstractContextMana
     return nullcontext() if left_out else VideoWriter(path, fps or 25.0)
 
 
-def _verdict(record: TrackSummary, output: Path) -> int:
-    if record.failed == record.frames:
-        first = record.failures[0]["error"] if record.failures else "there was no frame."
+def _verdict(records: Sequence[TrackSummary], names: Sequence[str], output: Path) -> int:
+    if all(record.failed == record.frames for record in records):
+        failures = records[0].failures
+        first = failures[0]["error"] if failures else "there was no frame."
         raise InputError(f"no frame could be tracked; the first says: {first}")
-    pace = record.facts()["median_milliseconds"]
-    text = f"{record.frames} frames, {record.failed} failed, {pace:.0f} ms a frame"
-    if record.lost_from is not None:
-        text += f", perhaps lost from frame {record.lost_from}"
-    print(f"{text}: {output}")
+    for record, name in zip(records, names, strict=True):
+        pace = record.facts()["median_milliseconds"] or 0.0
+        lost = record.states.get("lost", 0)
+        text = f"{record.frames} frames, {record.failed} failed, {pace:.0f} ms a frame"
+        if lost:
+            text += f", lost in {lost}"
+        elif record.lost_from is not None:
+            text += f", perhaps lost from frame {record.lost_from}"
+        print(f"{name}: {text}: {output}" if name else f"{text}: {output}")
     return 0

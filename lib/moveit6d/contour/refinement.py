@@ -30,11 +30,13 @@ DEFAULT = ContourConfig()
 class ContourRefinement:
     """A pose after the refinement, and what the image teaches there.
 
-    `pose` is unbatched, centred and float64; `histograms` are the image's own at that pose, None if
-    there is too little to see.
+    `pose` is unbatched, centred and float64; `agreement` in [0, 1] is the share of the contour
+    where colours change sharply and in the right place; `histograms` are the image's own at that
+    pose, None if there is too little to see.
     """
 
     pose: Pose
+    agreement: float
     histograms: ColourHistograms | None
 
 
@@ -110,20 +112,21 @@ def refine_contour(
     mask, depth = sight.render(place)
     known = histograms or estimate_histograms(sight.patch, mask, sight.seen, config)
     if known is None:
-        return ContourRefinement(pose, None)
-    odds = known.log_odds(sight.patch, sight.seen, config)
+        return ContourRefinement(pose, 0.0, None)
+    odds, agreement = known.log_odds(sight.patch, sight.seen, config), 0.0
     for turn, scales in enumerate(config.scales):
         if turn:
             mask, depth = sight.render(place)
         contour = find_contour(mask, config.lines, config.normal_blur)
         if contour is None or len(contour.points) < config.min_lines:
-            return ContourRefinement(pose, None)
+            return ContourRefinement(pose, 0.0, None)
         focal = float(sight.view.intrinsics[0, 0])
-        place = _fit(odds, contour, depth, place, focal, scales, config)
+        place, agreement = _fit(odds, contour, depth, place, focal, scales, config)
     if not np.abs(place.moved).max() <= config.max_delta:  # nor numbers that are not finite
-        return ContourRefinement(pose, None)
+        return ContourRefinement(pose, 0.0, None)
     found = sight.view.to_real(place.pose())
-    return ContourRefinement(found, estimate_histograms(sight.patch, mask, sight.seen, config))
+    after = estimate_histograms(sight.patch, mask, sight.seen, config)
+    return ContourRefinement(found, agreement, after)
 
 
 def histograms_at(
@@ -180,12 +183,13 @@ def _fit(
     focal: float,
     scales: tuple[int, ...],
     config: ContourConfig,
-) -> _Place:
-    """The place after one step a scale, with the contour of one rendering."""
+) -> tuple[_Place, float]:
+    """The place after one step a scale, with the contour of one rendering; and the agreement."""
     middle = (PATCH_SIZE - 1) / 2
     z = depth[tuple(contour.inside.T)].astype(np.float64)
     points = np.column_stack([(contour.points - middle) / focal * z[:, None], z])
     on_object = (points - place.centre) @ place.rotation
+    agreement = 0.0
     for scale in scales:
         points = on_object @ place.rotation.T + place.centre
         pixels = points[:, :2] / points[:, 2:] * focal + middle
@@ -194,7 +198,11 @@ def _fit(
         weight = contour.lengths * config.lines / len(mean) / (config.correlation * variance)
         weight /= 1 + (mean / config.outlier) ** 2
         place = place.step(_solve(slope, weight, mean, place.moved, config), focal)
-    return place
+        sharp = (
+            variance < (config.reach * scale) ** 2 / 6
+        )  # half of what it is if all are as likely
+        agreement = float(np.average(sharp & (np.abs(mean) < 1.5), weights=contour.lengths))
+    return place, agreement
 
 
 def _solve(

@@ -198,6 +198,10 @@ class BopDataset:
         info: Mapping[str, Any] = known[str(number)]
         return info
 
+    def objects(self) -> list[int]:
+        """Numbers of all objects of models_info.json, sorted."""
+        return sorted(int(number) for number in _read_cached(self._models() / "models_info.json"))
+
     def diameter(self, number: int) -> float:
         """The published diameter of an object, metres."""
         return float(self.model_info(number)["diameter"]) / 1000

@@ -22,7 +22,7 @@ from ..io import replacing, write_json
 ROTATION_COLUMNS = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
 POSE_COLUMNS = (*ROTATION_COLUMNS, "tx", "ty", "tz")
 TRACK_COLUMNS = (
-    "frame", "image", *POSE_COLUMNS, "steps", "stopped_by", "confidence", "milliseconds",
+    "frame", "image", *POSE_COLUMNS, "steps", "stopped_by", "confidence", "milliseconds", "state",
 )  # fmt: skip
 # A benchmark's result: one such file a sequence.
 RESULT_COLUMNS = ("frame", *POSE_COLUMNS, "milliseconds")
@@ -33,7 +33,8 @@ class PoseRow:
     """One line of poses.csv. What a file does not tell is empty or None.
 
     `pose` is None for a frame without a pose; `object` names the object where a file holds
-    several; `reset` says that the pose was set to the truth after this frame.
+    several; `reset` says that the pose was set to the truth after this frame; `state` is the
+    tracker's: tracking, uncertain or lost.
     """
 
     frame: int
@@ -45,6 +46,14 @@ class PoseRow:
     milliseconds: float | None = None
     reset: bool = False
     object: str = ""
+    state: str = ""
+
+
+def track_columns(objects: int) -> tuple[str, ...]:
+    """Columns of poses.csv; of several objects with their names before the state."""
+    if objects == 1:
+        return TRACK_COLUMNS
+    return (*TRACK_COLUMNS[:-1], "object", TRACK_COLUMNS[-1])
 
 
 def read_camera(path: Path) -> Camera:
@@ -188,6 +197,7 @@ def _read_row(row: Mapping[str, str | None], where: str) -> PoseRow:
         milliseconds=_optional(row.get("milliseconds"), f"{where}: milliseconds"),
         reset=bool(_optional(row.get("reset"), f"{where}: reset") or 0),
         object=row.get("object") or "",
+        state=row.get("state") or "",
     )
 
 

@@ -5,24 +5,32 @@
 Never knows a network, only policies.
 """
 
-from ..config import SeedDetectorConfig, SelectionCriterion, TrackerConfig
-from .detector import Detection, PoseDetector
+from ..config import DetectorConfig, SeedDetectorConfig, SelectionCriterion, TrackerConfig
+from .detection import Detection, PoseDetector, SearchRegion, TemplateStore
 from .estimator import PoseEstimator, refine_single
 from .refine import refine_batch
 from .results import StopReason, Target, TrackingResult
+from .seed_detector import SeedDetection, SeedDetector
+from .states import TrackingState
 from .tracker import PoseTracker
 
 __all__ = [
     "Detection",
-    "SeedDetectorConfig",
+    "DetectorConfig",
     "PoseDetector",
     "PoseEstimator",
     "PoseTracker",
+    "SearchRegion",
+    "SeedDetection",
+    "SeedDetector",
+    "SeedDetectorConfig",
     "SelectionCriterion",
     "StopReason",
     "Target",
+    "TemplateStore",
     "TrackerConfig",
     "TrackingResult",
+    "TrackingState",
     "refine_batch",
     "refine_single",
 ]

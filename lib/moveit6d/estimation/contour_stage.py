@@ -41,5 +41,10 @@ def refine_result(
         frame.camera.lens,
     )
     spent = (time.perf_counter() - begin) * 1e3
-    milliseconds = result.milliseconds + spent
-    return replace(result, centred=found.pose, milliseconds=milliseconds), found.histograms
+    refined = replace(
+        result,
+        centred=found.pose,
+        milliseconds=result.milliseconds + spent,
+        contour_agreement=found.agreement,
+    )
+    return refined, found.histograms

@@ -17,6 +17,7 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..typing import ImageLike
+from .states import TrackingState
 
 
 class StopReason(StrEnum):
@@ -49,7 +50,8 @@ class TrackingResult:
     why. `confidence` in [0, 1] is the policy's probability that the pose is right; it is that of
     the pose at the end of the loop, before contour refinement moved it. `localizability` in [0, 1]
     is the probability that a pose which looks right is right (`localizability`). `milliseconds`
-    passed until this object was done.
+    passed until this object was done. `contour_agreement` is the share of the contour where colours
+    change sharply and in the right place, None without contour refinement; `state` is a tracker's.
     """
 
     pose: Pose | None
@@ -59,6 +61,8 @@ class TrackingResult:
     milliseconds: float
     error: str | None = None
     localizability: float = 0.0
+    contour_agreement: float | None = None
+    state: TrackingState = TrackingState.TRACKING
 
     @property
     def score(self) -> float:
@@ -92,6 +96,7 @@ class Refined:
     milliseconds: float
     error: str | None = None
     localizability: float = 0.0
+    contour_agreement: float | None = None
 
     def result(self, mesh: Mesh) -> TrackingResult:
         """The outcome as users get it, in the mesh file's frame."""
@@ -104,6 +109,7 @@ class Refined:
             self.milliseconds,
             self.error,
             self.localizability,
+            self.contour_agreement,
         )
 
 

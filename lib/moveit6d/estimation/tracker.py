@@ -12,28 +12,34 @@ from typing import Generic, TypeVar, overload
 
 import torch
 
-from ..config import TrackerConfig
+from ..config import ActionMode, TrackerConfig
 from ..contour import histograms_at
 from ..errors import InputError
 from ..frame import Frame, prepare_frame
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..policies import Policy, load_policy
+from ..policies import DescriptorPolicy, Policy, load_policy, mode_of
 from ..rendering.backends import make_renderer
 from ..rendering.renderer import Renderer
 from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
 from .calibration import depth_bias
 from .contour_stage import refine_result
+from .detection import PoseDetector, TemplateStore
 from .inputs import camera_of, meshes_of, poses_of
 from .multi_start import most_confident, perturbed_starts, uses_multi_start
+from .recovery import Supervisor
 from .refine import refine_starts
-from .results import Refined, Start, StopReason, TrackingResult
+from .results import Refined, Start, TrackingResult
+from .states import TrackingState
 from .track_state import TrackState
 from .visibility import check_start
 
 DEFAULT = TrackerConfig()
+# Of the contour where it is not measured: what the confidence alone says then.
+USUAL_AGREEMENT = 0.4
+Starts = Pose | Sequence[Pose | None] | None
 Results = TypeVar("Results", TrackingResult, list[TrackingResult])
 
 
@@ -44,14 +50,18 @@ class PoseTracker(Generic[Results]):
         meshes: the object, or a list of objects.
         camera: the camera, lens distortion included if it has any.
         start: pose in (or just before) the first frame, mesh file's frame; of a list of objects a
-            list of poses.
+            list of poses. None for an object that is to be looked for.
         policy: predicts the pose deltas; the shipped network if None.
         renderer: the back end; embree if None.
         config: every other setting.
+        store: where meshes prepared for the search are kept; in memory if None.
         threads: CPU threads of torch and OpenCV while it computes; the caller's if None. More than
             one gain little and lose much beside other busy processes.
 
-    With one mesh `update` returns one result, with a list of meshes a list of results.
+    With one mesh `update` returns one result, with a list of meshes a list of results. A lost
+    object has no pose (`TrackingResult.state`); it is looked for, and followed again from where it
+    is found. A policy without descriptors, or of single actions, cannot look for objects: its poses
+    are given as they are, lost or not.
     """
 
     @overload
@@ -59,11 +69,12 @@ class PoseTracker(Generic[Results]):
         self: PoseTracker[TrackingResult],
         meshes: Mesh,
         camera: Camera,
-        start: Pose,
+        start: Pose | None = None,
         *,
         policy: Policy | None = None,
         renderer: Renderer | None = None,
         config: TrackerConfig = DEFAULT,
+        store: TemplateStore | None = None,
         threads: int | None = 1,
     ) -> None: ...
 
@@ -72,11 +83,12 @@ class PoseTracker(Generic[Results]):
         self: PoseTracker[list[TrackingResult]],
         meshes: Sequence[Mesh],
         camera: Camera,
-        start: Sequence[Pose],
+        start: Sequence[Pose | None] | None = None,
         *,
         policy: Policy | None = None,
         renderer: Renderer | None = None,
         config: TrackerConfig = DEFAULT,
+        store: TemplateStore | None = None,
         threads: int | None = 1,
     ) -> None: ...
 
@@ -84,42 +96,83 @@ class PoseTracker(Generic[Results]):
         self,
         meshes: Mesh | Sequence[Mesh],
         camera: Camera,
-        start: Pose | Sequence[Pose],
+        start: Starts = None,
         *,
         policy: Policy | None = None,
         renderer: Renderer | None = None,
         config: TrackerConfig = DEFAULT,
+        store: TemplateStore | None = None,
         threads: int | None = 1,
     ) -> None:
         self.single = isinstance(meshes, Mesh)
         self.meshes = meshes_of(meshes)
         self.camera, self.config, self.threads = camera_of(camera), config, checked_threads(threads)
-        self.tracks: list[TrackState] = []
-        self.reset(start)
         self.policy: Policy = load_policy() if policy is None else policy
         self.renderer = make_renderer() if renderer is None else renderer
+        self.store = store or TemplateStore()
+        self.tracks: list[TrackState] = []
+        self.supervisors: list[Supervisor] = []
+        self.reset(start)
 
     @property
     def poses(self) -> list[Pose]:
-        """Where each object was found last, mesh file's frame."""
+        """Where each object was found last, mesh file's frame; of no use for one never found."""
         return [track.pose for track in self.tracks]
 
-    def reset(self, poses: Pose | Sequence[Pose]) -> None:
+    def reset(self, poses: Starts) -> None:
         """Go on from these poses, one an object, mesh file's frame; what was found is forgotten.
 
-        `InputError`, and nothing changed, if a pose is missing or cannot be seen by the camera.
+        None for objects that are to be looked for. `InputError`, and nothing changed, if a pose is
+        missing or cannot be seen by the camera.
         """
-        given = poses_of(poses)
+        given = self._given(poses)
+        supervisors = []
+        for mesh, pose in zip(self.meshes, given, strict=True):
+            detector = self._detector(mesh)
+            if pose is not None:
+                check_start(pose, mesh, self.camera)
+            elif detector is None:
+                raise InputError(
+                    "There is no start pose, and this policy or configuration cannot look for the "
+                    "object; give a start pose."
+                )
+            supervisors.append(Supervisor(detector, self.config.recovery, pose is not None))
+        self.tracks = [
+            TrackState.begin(
+                mesh,
+                Pose.identity() if pose is None else mesh.inner(pose.to(torch.float64)),
+                self.config,
+            )
+            for mesh, pose in zip(self.meshes, given, strict=True)
+        ]
+        self.supervisors = supervisors
+
+    def _given(self, poses: Starts) -> list[Pose | None]:
+        """A pose or None for each mesh."""
+        if poses is None:
+            return [None] * len(self.meshes)
+        given: list[Pose | None] = []
+        if isinstance(poses, Sequence) and any(pose is None for pose in poses):
+            for pose in poses:
+                given += [None] if pose is None else poses_of(pose)
+        else:
+            given += poses_of(poses)
         if len(self.meshes) != len(given):
             raise InputError(
                 f"{len(self.meshes)} meshes need as many start poses, found {len(given)}."
             )
-        for mesh, pose in zip(self.meshes, given, strict=True):
-            check_start(pose, mesh, self.camera)
-        self.tracks = [
-            TrackState.begin(mesh, mesh.inner(pose.to(torch.float64)), self.config)
-            for mesh, pose in zip(self.meshes, given, strict=True)
-        ]
+        return given
+
+    def _detector(self, mesh: Mesh) -> PoseDetector | None:
+        """What looks for an object once it is lost; None if nothing can."""
+        if not self.config.recovery.enabled or not isinstance(self.policy, DescriptorPolicy):
+            return None
+        if mode_of(self.policy, self.config.loop.mode) is ActionMode.SINGLE:
+            return None
+        return PoseDetector(
+            mesh, self.camera, policy=self.policy, renderer=self.renderer, config=self.config,
+            store=self.store, threads=self.threads,
+        )  # fmt: skip
 
     @with_own_threads
     def calibrate(self, image: ImageLike | Frame) -> None:
@@ -127,9 +180,12 @@ class PoseTracker(Generic[Results]):
 
         For the frame of the start poses, if they are known well: the colours tell each object from
         its surroundings (`contour`), and how far off the policy is here it will be off later
-        (`calibration`). `InputError` if the image does not fit the camera.
+        (`calibration`). `InputError` if the image does not fit the camera, or if a pose is not
+        known.
         """
         frame = prepare_frame(image, self.camera)
+        if any(supervisor.lost for supervisor in self.supervisors):
+            raise InputError("There is nothing to calibrate from while an object is lost.")
         for track in self.tracks:
             exact = Start(frame, track.mesh, track.centred)
             track.histograms = histograms_at(
@@ -159,23 +215,42 @@ class PoseTracker(Generic[Results]):
         try:
             frame = prepare_frame(image, self.camera)
         except InputError as error:
-            spent = (time.perf_counter() - begin) * 1e3
-            failed = TrackingResult(None, 0, StopReason.FAILED, 0.0, spent, str(error))
-            return [failed] * len(self.meshes)
-        results = self._refine(frame)
+            return [_timed(supervisor.missed(str(error)), begin) for supervisor in self.supervisors]
+        objects = range(len(self.tracks))
+        followed = [number for number in objects if self._look_for(frame, number)]
+        refined = dict(zip(followed, self._refine(frame, followed), strict=True))
         return [
-            _timed(self._add(frame, track, result), begin)
-            for track, result in zip(self.tracks, results, strict=True)
+            _timed(
+                self._add(frame, number, refined[number])
+                if number in refined
+                else self.supervisors[number].missed(),
+                begin,
+            )
+            for number in objects
         ]
 
-    def _refine(self, frame: Frame) -> list[Refined]:
-        """Follow every object from the best of its starts, and recover the lost ones."""
-        groups = [number for number, track in enumerate(self.tracks) for _ in track.starts()]
-        starts = [
-            Start(frame, track.mesh, centred, track.depth_bias, track.slow)
-            for track in self.tracks
-            for centred in track.starts()
-        ]
+    def _look_for(self, frame: Frame, number: int) -> bool:
+        """Whether an object is to be followed, from where it was just found perhaps."""
+        supervisor, track = self.supervisors[number], self.tracks[number]
+        if not supervisor.lost:
+            return True
+        found = supervisor.search(frame, track.mesh.outer(track.last_confident))
+        if found is None:
+            return False
+        centred = track.mesh.inner(found.to(torch.float64))
+        again = TrackState.begin(track.mesh, centred, self.config)
+        again.histograms, again.depth_bias = track.histograms, track.depth_bias
+        self.tracks[number] = again
+        return True
+
+    def _refine(self, frame: Frame, numbers: Sequence[int]) -> list[Refined]:
+        """Follow objects, each from the best of its starts, and recover those in doubt."""
+        groups, starts = [], []
+        for number in numbers:
+            track = self.tracks[number]
+            for centred in track.starts():
+                groups.append(number)
+                starts.append(Start(frame, track.mesh, centred, track.depth_bias, track.slow))
         results = refine_starts(
             starts,
             policy=self.policy,
@@ -183,9 +258,11 @@ class PoseTracker(Generic[Results]):
             loop=self.config.loop,
             groups=groups,
         )
-        return self._recover(frame, results)
+        return self._recover(frame, numbers, results)
 
-    def _recover(self, frame: Frame, results: list[Refined]) -> list[Refined]:
+    def _recover(
+        self, frame: Frame, numbers: Sequence[int], results: list[Refined]
+    ) -> list[Refined]:
         """The results; one of low confidence is replaced by the best one from recovery poses.
 
         Only by one that is not low: an occluded object has a low confidence where it is.
@@ -194,10 +271,10 @@ class PoseTracker(Generic[Results]):
             return results
         low = self.config.low_confidence
         others = [
-            self._recovery_starts(frame, track)
-            if result.confidence < low and track.is_recovery_due()
+            self._recovery_starts(frame, self.tracks[number])
+            if result.confidence < low and self.tracks[number].is_recovery_due()
             else []
-            for track, result in zip(self.tracks, results, strict=True)
+            for number, result in zip(numbers, results, strict=True)
         ]
         found = most_confident(
             results,
@@ -223,8 +300,9 @@ class PoseTracker(Generic[Results]):
             )
         ]
 
-    def _add(self, frame: Frame, track: TrackState, result: Refined) -> TrackingResult:
-        """Refine the contour of a result and go on from it."""
+    def _add(self, frame: Frame, number: int, result: Refined) -> TrackingResult:
+        """Refine the contour of a result, judge it and go on from it."""
+        track, supervisor = self.tracks[number], self.supervisors[number]
         start = Start(frame, track.mesh, track.centred)
         result, histograms = refine_result(
             start, result, self.renderer, self.config.contour, track.histograms
@@ -233,9 +311,14 @@ class PoseTracker(Generic[Results]):
             track.miss()
         else:
             track.add(result.centred, result.confidence)
-            track.update_histograms(histograms)
             result = replace(result, centred=track.centred)
-        return result.result(track.mesh)
+        agreement = result.contour_agreement
+        judged = supervisor.judged(
+            result.result(track.mesh), USUAL_AGREEMENT if agreement is None else agreement
+        )
+        if judged.state is TrackingState.TRACKING:
+            track.update_histograms(histograms)
+        return judged
 
 
 def _timed(result: TrackingResult, begin: float) -> TrackingResult:

@@ -1,13 +1,13 @@
-"""Takes a tracker of one object through a video and says for every frame what came out.
+"""Takes a tracker through a video and says for every frame what came out.
 
 Never resets the tracker and never shows it a true pose.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,10 +16,13 @@ from ..config import TrackerConfig
 from ..datasets.pose_files import PoseRow
 from ..datasets.video import VideoFrame
 from ..errors import InputError
+from ..estimation.states import TrackingState
 from .metrics import LOST_RUN
 
 if TYPE_CHECKING:
     from ..estimation import PoseTracker, TrackingResult
+
+    AnyTracker = PoseTracker[TrackingResult] | PoseTracker[list[TrackingResult]]
 
 LOW_CONFIDENCE = TrackerConfig().low_confidence
 FAILED = "failed"
@@ -28,11 +31,15 @@ KEPT_FAILURES = 100
 
 @dataclass(frozen=True)
 class TrackedFrame:
-    """One frame and the row of poses.csv for it; `error` says why a frame has no pose."""
+    """One frame and the row of poses.csv for it; `error` says why a frame has no pose.
+
+    Of several objects these are the first one's, and `others` hold those of the others.
+    """
 
     frame: VideoFrame
     row: PoseRow
     error: str | None = None
+    others: tuple[TrackedFrame, ...] = ()
 
     @property
     def confident(self) -> bool:
@@ -40,9 +47,7 @@ class TrackedFrame:
         return self.row.pose is not None and (self.row.confidence or 0.0) >= LOW_CONFIDENCE
 
 
-def calibrating(
-    tracker: PoseTracker[TrackingResult], frames: Iterable[VideoFrame]
-) -> Iterator[VideoFrame]:
+def calibrating(tracker: AnyTracker, frames: Iterable[VideoFrame]) -> Iterator[VideoFrame]:
     """The frames, from the first of which the tracker learns: its start pose is exact there.
 
     A first frame that it cannot learn from is passed on like the others, for `follow` to say why.
@@ -55,27 +60,46 @@ def calibrating(
 
 
 def run_tracker(
-    tracker: PoseTracker[TrackingResult], frames: Iterable[VideoFrame]
+    tracker: AnyTracker, frames: Iterable[VideoFrame], names: Sequence[str] = ("",)
 ) -> Iterator[TrackedFrame]:
-    """One step a frame, in order. A bad frame gives a row without a pose; the track goes on."""
+    """One step a frame, in order. A bad frame gives a row without a pose; the track goes on.
+
+    `names` are those of the tracker's objects.
+    """
     for frame in frames:
         if frame.image is None:
-            yield TrackedFrame(frame, _failed(frame), frame.error or "no image.")
-            continue
-        result = tracker.update(frame.image)
-        if result.pose is None or result.stopped_by.value == FAILED:
-            yield TrackedFrame(frame, _failed(frame), result.error or "no pose.")
-            continue
-        row = PoseRow(
-            frame=frame.index,
-            image=frame.name,
-            pose=result.pose,
-            iterations=result.iterations,
-            stopped_by=result.stopped_by.value,
-            confidence=result.confidence,
-            milliseconds=result.milliseconds,
-        )
-        yield TrackedFrame(frame, row)
+            steps = [_unread(frame, name) for name in names]
+        else:
+            found = tracker.update(frame.image)
+            results = found if isinstance(found, list) else [found]
+            steps = [
+                _step(frame, result, name) for result, name in zip(results, names, strict=True)
+            ]
+        yield replace(steps[0], others=tuple(steps[1:]))
+
+
+def _unread(frame: VideoFrame, name: str) -> TrackedFrame:
+    """What is known of an object in a frame that cannot be read."""
+    state = str(TrackingState.UNCERTAIN)
+    row = PoseRow(frame.index, frame.name, stopped_by=FAILED, object=name, state=state)
+    return TrackedFrame(frame, row, frame.error or "no image.")
+
+
+def _step(frame: VideoFrame, result: TrackingResult, name: str) -> TrackedFrame:
+    """What came out for one object."""
+    failed = result.pose is None or result.stopped_by.value == FAILED
+    row = PoseRow(
+        frame=frame.index,
+        image=frame.name,
+        pose=None if failed else result.pose,
+        iterations=None if failed else result.iterations,
+        stopped_by=result.stopped_by.value,
+        confidence=None if failed else result.confidence,
+        milliseconds=result.milliseconds,
+        object=name,
+        state=str(result.state),
+    )
+    return TrackedFrame(frame, row, (result.error or "no pose.") if failed else None)
 
 
 @dataclass
@@ -84,6 +108,8 @@ class TrackSummary:
 
     frames: int = 0
     failed: int = 0
+    states: dict[str, int] = field(default_factory=dict)
+    events: list[dict[str, object]] = field(default_factory=list)
     failures: list[dict[str, object]] = field(default_factory=list)
     milliseconds: list[float] = field(default_factory=list)
     lost_from: int | None = None
@@ -92,6 +118,7 @@ class TrackSummary:
     def add(self, step: TrackedFrame) -> None:
         """Take note of one more frame."""
         self.frames += 1
+        self._add_state(step.row.state, step.frame.index)
         if step.error is not None:
             self.failed += 1
             if len(self.failures) < KEPT_FAILURES:
@@ -102,18 +129,28 @@ class TrackSummary:
         if self._low_confidence_run == LOST_RUN and self.lost_from is None:
             self.lost_from = step.frame.index - LOST_RUN + 1
 
+    def _add_state(self, state: str, frame: int) -> None:
+        """Count the state, and lengthen the event that it belongs to or begin one."""
+        self.states[state] = self.states.get(state, 0) + 1
+        if self.events and self.events[-1]["state"] == state:
+            self.events[-1]["last"] = frame
+        else:
+            self.events.append({"state": state, "first": frame, "last": frame})
+
     def facts(self) -> dict[str, object]:
-        """As summary.json has it. `lost_from_frame` is a guess from the confidence, or null."""
+        """As summary.json has it.
+
+        `states` are numbers of frames, `events` says from which frame to which each state lasted;
+        `lost_from_frame` is a guess from the confidence, or null.
+        """
         times = self.milliseconds
         return {
             "frames": self.frames,
             "failed": self.failed,
+            "states": self.states,
+            "events": self.events,
             "mean_milliseconds": float(np.mean(times)) if times else None,
             "median_milliseconds": float(np.median(times)) if times else None,
             "lost_from_frame": self.lost_from,
             "failures": self.failures,
         }
-
-
-def _failed(frame: VideoFrame) -> PoseRow:
-    return PoseRow(frame=frame.index, image=frame.name, stopped_by=FAILED)

@@ -99,6 +99,17 @@ class Lens:
         found: Tensor = moved.reshape(plane.shape)
         return found
 
+    def undistort(self, pixels: Float64, matrix: Float64) -> Float64:
+        """Where a pinhole with K (3, 3) would have seen what the lens shows at pixels (N, 2)."""
+        import cv2
+
+        points = np.ascontiguousarray(pixels, np.float64).reshape(-1, 1, 2)
+        module = cv2.fisheye if self.model == "fisheye" else cv2
+        ends = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-9)
+        lens = np.array(self.coefficients)
+        found = module.undistortPoints(points, matrix, lens, R=None, P=matrix, criteria=ends)
+        return np.asarray(found, np.float64).reshape(-1, 2)
+
     def patch_map(
         self, rotation: Float64, virtual: Float64, matrix: Float64, size: int
     ) -> tuple[Float32, Float32]:

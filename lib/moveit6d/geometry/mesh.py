@@ -1,6 +1,6 @@
 """The object's surface, loaded once and centred, with its sizes, colours, normals and symmetries.
 
-Never knows cameras and never renders.
+Never renders.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..errors import InputError
+from .camera import Camera
 from .normals import smooth_normals
 from .pose import Pose
 from .surface import PLAIN, read_surface
@@ -119,6 +120,23 @@ class Mesh:
     def outer(self, pose: Pose) -> Pose:
         """The file frame's pose, given the centred frame's (any batch shape)."""
         return Pose(pose.rotation, pose.translation - self._moved_center(pose))
+
+    @property
+    def has_colours(self) -> bool:
+        """Whether the surface has a texture or colours, not just the plain grey of a CAD file."""
+        colours = self.vertex_colors
+        return colours is None or bool((colours != np.array(PLAIN, np.uint8)).any())
+
+    def textured_from(self, image: NDArray[np.uint8], pose: Pose, camera: Camera) -> Mesh:
+        """This mesh painted with what an image shows of it, for a mesh without colours.
+
+        `image` (H, W, 3) is RGB uint8 without lens distortion, `pose` object → camera in the mesh
+        file's frame, metres. The sides that are not seen take the mean colour. Raises `InputError`
+        if too little is seen.
+        """
+        from .projected_texture import paint
+
+        return paint(self, image, pose, camera)
 
     def sample_points(self, count: int, seed: int = 0) -> NDArray[np.float64]:
         """Points on the surface, evenly by area, in the file's frame: (count, 3) metres."""

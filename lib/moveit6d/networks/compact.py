@@ -113,12 +113,13 @@ class CompactCorrelationNet(nn.Module):
         for name, value in constants.items():
             self.register_buffer(name, value, persistent=False)
 
-    def descriptors(self, pictures: Tensor) -> Tensor:
-        """What a detector compares: (B, 3, H, W) in [0, 1] → (B, D, H / 8, W / 8), not normalised.
+    def descriptors(self, images: Tensor) -> Tensor:
+        """What each cell of 8 × 8 pixels looks like: images (B, 3, H, W) in [0, 1] → (B, D, h, w).
 
-        Around a rendering the picture must be grey (`GREY`), as the network sees it.
+        h and w are H / 8 and W / 8, rounded up; not normalised. Around a rendering the image must
+        be grey (`GREY`), as the network sees it.
         """
-        features = self.encode4((pictures - GREY).contiguous(memory_format=torch.channels_last))
+        features = self.encode4((images - GREY).contiguous(memory_format=torch.channels_last))
         described: Tensor = self.describe(self.encode8(features))
         return described
 

@@ -183,6 +183,15 @@ class CorrelationNet(nn.Module):
             matching.flatten(2).mT, coarse, fine, solved, confidence, prediction
         )
 
+    def descriptors(self, images: Tensor) -> Tensor:
+        """What each cell of 8 × 8 pixels looks like: images (B, 3, H, W) in [0, 1] → (B, C, h, w).
+
+        h and w are H / 8 and W / 8, rounded up; not normalised.
+        """
+        pictures = (images - GREY).contiguous(memory_format=torch.channels_last)
+        described: Tensor = self.encode8(self.encode4(pictures))
+        return described
+
     def _solve(self, observation: Observation, depth: Tensor, cells: DensePrediction) -> Tensor:
         """The pose delta (B, 6) that fits the dense predictions."""
         points = surface_points(depth, observation.distance, self.fine_pixels)

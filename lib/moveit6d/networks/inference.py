@@ -86,6 +86,20 @@ class InferenceNetwork:
         logits, confidence, attention, *delta = (part.cpu() for part in run(*tensors))
         return PolicyOutput(logits, delta[0] if delta else None, confidence, attention)
 
+    @torch.inference_mode()
+    def descriptors(self, images: Tensor) -> Tensor:
+        """What each cell of 8 × 8 pixels looks like: images (B, 3, H, W) → (B, C, H / 8, W / 8).
+
+        On the CPU, as the answers are. `InputError` for a network that has no descriptors.
+        """
+        network = self.folded.network
+        if isinstance(network, ActionNet):
+            raise InputError(
+                "This network has no descriptors to search an image with; use the method 'seeds', "
+                "or weights of a correlation network."
+            )
+        return network.descriptors(images.to(self.device)).cpu()
+
     def _trace(self, tensors: tuple[Tensor, ...]) -> Callable[..., Answer]:
         size = len(tensors[0])
         if size not in self._traces:

@@ -83,15 +83,18 @@ def draw_pose(
     return picture
 
 
-def draw_text(image: Image, text: str, color: tuple[int, int, int] = GREEN) -> Image:
-    """A copy of the RGB frame with a line of text at its bottom left, readable on any ground."""
+def draw_text(image: Image, text: str, color: tuple[int, int, int] = GREEN, line: int = 0) -> Image:
+    """A copy of the RGB frame with a line of text at its bottom left, readable on any ground.
+
+    `line` counts from the lowest one up.
+    """
     from PIL import Image as Pillow
     from PIL import ImageDraw, ImageFont
 
     picture = Pillow.fromarray(np.ascontiguousarray(image))
     size = max(11, round(min(image.shape[:2]) / 28))
     font = ImageFont.load_default(size)
-    place = (8, image.shape[0] - size - 10)
+    place = (8, image.shape[0] - round(size * (1 + 1.3 * line)) - 10)
     ImageDraw.Draw(picture).text(place, text, color, font, stroke_width=2, stroke_fill=(0, 0, 0))
     return np.array(picture)
 

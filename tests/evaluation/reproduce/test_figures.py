@@ -11,7 +11,7 @@ import torch
 
 from moveit6d.config import ActionMode
 from moveit6d.datasets.sequences import Sequence, read_sequences
-from moveit6d.estimation import PoseDetector, SeedDetectorConfig, SelectionCriterion
+from moveit6d.estimation import SeedDetector, SeedDetectorConfig, SelectionCriterion
 from moveit6d.evaluation.iteration_timing import IterationTimes
 from moveit6d.evaluation.reproduce import attention, detection, runtime
 from moveit6d.evaluation.reproduce.tracks import ScoredTrack
@@ -82,11 +82,11 @@ def test_attention_is_measured_on_the_object_and_beside_it(video: Sequence) -> N
     assert picture is not None and picture[:, :64].min() == 1 and picture[:, 64:].max() == 0
 
 
-def a_detector(video: Sequence) -> PoseDetector:
+def a_detector(video: Sequence) -> SeedDetector:
     mesh = video.load_mesh()
     policy = OraclePolicy(Pose.stack([mesh.inner(video.start)] * 32), ActionMode.ALL_AXES)
     config = SeedDetectorConfig(sizes=(0.4,), poses=1, sinks=1, rotations=2)
-    return PoseDetector(mesh, video.camera, config=config, policy=policy)
+    return SeedDetector(mesh, video.camera, config=config, policy=policy)
 
 
 def test_detection_is_scored_by_both_criteria(video: Sequence) -> None:

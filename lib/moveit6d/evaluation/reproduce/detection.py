@@ -17,8 +17,8 @@ from torch import Tensor
 from ...actions import PoseAction, pose_delta
 from ...datasets.sequences import Sequence as Video
 from ...datasets.video import Image
-from ...estimation import Detection, PoseDetector, SelectionCriterion, Target, refine_batch
-from ...estimation.detector import Candidate, best_of
+from ...estimation import SeedDetection, SeedDetector, SelectionCriterion, Target, refine_batch
+from ...estimation.seed_detector import Candidate, best_of
 from ...frame import prepare_frame
 from ...geometry.pose import Pose
 from ...visualization.charts import Curve, LineChart, Panel, Sheet
@@ -55,15 +55,15 @@ class Example:
     """What the figure shows of one frame."""
 
     image: Image
-    detection: Detection
+    detection: SeedDetection
     turns: tuple[float, ...]
     iterations: tuple[float, ...]
     ways: tuple[float, ...]
 
 
 def run(
-    videos: Sequence[Video], make: Mapping[str, PoseDetector], frames: int
-) -> Iterator[tuple[DetectionTrial, Image, Detection]]:
+    videos: Sequence[Video], make: Mapping[str, SeedDetector], frames: int
+) -> Iterator[tuple[DetectionTrial, Image, SeedDetection]]:
     """Detect in `frames` frames of every sequence; `make` holds each sequence's detector."""
     for video in videos:
         detector = make[video.name]
@@ -85,8 +85,8 @@ def run(
 def _judged(
     video: Video,
     frame: int,
-    found: Detection,
-    detector: PoseDetector,
+    found: SeedDetection,
+    detector: SeedDetector,
     truth: Pose,
     points: Tensor,
     seconds: float,
@@ -119,7 +119,7 @@ def _judged(
 
 
 def turned_starts(
-    detector: PoseDetector, image: Image, truth: Pose, turns: Sequence[float] = TURNS
+    detector: SeedDetector, image: Image, truth: Pose, turns: Sequence[float] = TURNS
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Steps and ways of loops that start at the truth turned about the viewing axis, degrees.
 
@@ -200,7 +200,7 @@ def reproduction(
 
 
 def _sink_of(
-    found: Detection, detector: PoseDetector, truth: Pose
+    found: SeedDetection, detector: SeedDetector, truth: Pose
 ) -> tuple[int | None, float | None]:
     """The first place (from 1) that is the object's, and the best size tried there, true = 1."""
     inner = detector.mesh.inner(truth)

@@ -53,7 +53,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Detection:
+class SeedDetection:
     """What was found: the best candidate's result (None if no candidate has a pose), and how.
 
     `pose` is in the mesh file's frame; `fields` are those of the sizes that were tried; `places`
@@ -72,8 +72,8 @@ class Detection:
         return None if self.result is None else self.result.pose
 
 
-class PoseDetector:
-    """Finds one object in single images of one camera, without a start pose.
+class SeedDetector:
+    """Finds one object in single images of one camera in the paper's way.
 
     Args:
         mesh: the object.
@@ -105,7 +105,7 @@ class PoseDetector:
         self.renderer = make_renderer() if renderer is None else renderer
 
     @with_own_threads
-    def detect(self, image: ImageLike | Frame) -> Detection:
+    def detect(self, image: ImageLike | Frame) -> SeedDetection:
         """The object in an RGB image (H, W, 3); it is taken to be there.
 
         Raises `InputError` if the image does not fit the camera.
@@ -116,7 +116,7 @@ class PoseDetector:
         places = strongest(found, self.config.sinks)
         candidates = self.try_rotations(frame, [sink for place in places for sink in place])
         best = best_of(candidates, self.criterion)
-        return Detection(None if best is None else best.result, fields, places, candidates)
+        return SeedDetection(None if best is None else best.result, fields, places, candidates)
 
     @with_own_threads
     def seed(self, image: ImageLike | Frame) -> tuple[SeedField, ...]:

@@ -1,75 +1,18 @@
-"""Every setting of tracking and detection, with its default and what it does.
+"""Settings of tracking, and all of them together.
 
-Never imports torch and never computes anything: a configuration is plain data, to be written to
-files, compared and sent to other processes.
+Never computes anything.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from enum import StrEnum
-from typing import Any, Literal
+from typing import Any
 
-from .errors import InputError
-
-
-class ActionMode(StrEnum):
-    """How a prediction becomes a `PoseAction`."""
-
-    SINGLE = "single"  # the paper: the best of the 13 actions, one step size long
-    ALL_AXES = "all_axes"  # all six axes of the real-valued delta at once
-
-
-Mode = Literal["single", "all_axes"]
-
-# The paper's limit for single actions. With all axes at once 74.4, 76.9 and 76.2 % of far starts,
-# a third of them occluded, end below 10 % of the diameter with six, eight and eleven.
-MAX_ITERATIONS = {ActionMode.SINGLE: 30, ActionMode.ALL_AXES: 8}
-
-
-@dataclass(frozen=True)
-class LoopConfig:
-    """The refinement loop.
-
-    Args:
-        mode: single (the paper's: one of 13 actions an iteration) or all_axes (the whole pose delta
-            at once); None takes the policy's own.
-        max_iterations: limit for one frame; None means 30 in mode single and 8 in mode all_axes.
-        step_size: length of single actions, in action units.
-        fine_stage: near the object the crop shows its middle, enlarged (mode all_axes only).
-        fine_scale: how many times larger, which makes action units as many times smaller.
-        fine_threshold: the fine stage begins once the delta is below this on every axis.
-        augment: single images get one more iteration with test-time augmentation (mode all_axes).
-    """
-
-    mode: Mode | None = None
-    max_iterations: int | None = None
-    step_size: float = 1.0
-    fine_stage: bool = True
-    fine_scale: float = 1.6
-    fine_threshold: float = 5.0
-    augment: bool = True
-
-    def __post_init__(self) -> None:
-        if self.mode is not None and self.mode not in list(ActionMode):
-            raise InputError(
-                f"LoopConfig: there is no mode {self.mode!r}; choose one of "
-                f"{', '.join(ActionMode)}."
-            )
-        if self.max_iterations is not None and self.max_iterations < 1:
-            raise InputError(
-                f"LoopConfig: max_iterations must be 1 or more, found {self.max_iterations}."
-            )
-        if not self.step_size > 0 or not self.fine_scale >= 1:
-            raise InputError(
-                "LoopConfig: step_size must be positive and fine_scale 1 or more, found "
-                f"{self.step_size} and {self.fine_scale}."
-            )
-
-    def limit(self, mode: ActionMode) -> int:
-        """The limit of iterations in a mode."""
-        return MAX_ITERATIONS[mode] if self.max_iterations is None else self.max_iterations
+from ..errors import InputError
+from .detection import DetectorConfig
+from .loop import LoopConfig
+from .recovery import RecoveryConfig
 
 
 @dataclass(frozen=True)
@@ -215,7 +158,7 @@ class CalibrationConfig:
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """Everything that decides a track besides the policy and the renderer.
+    """Everything that decides a track or a detection besides the policy and the renderer.
 
     Args:
         low_confidence: below it a pose is taken to be wrong: recovery starts, no histograms.
@@ -226,6 +169,8 @@ class TrackerConfig:
         motion: the constant-velocity model.
         contour: region-based refinement.
         calibration: calibration from the first frame.
+        detection: search of a whole image for an object.
+        recovery: when an object counts as lost, and how it is looked for then.
 
     Example:
         >>> from moveit6d import TrackerConfig
@@ -241,6 +186,8 @@ class TrackerConfig:
     motion: MotionConfig = field(default_factory=MotionConfig)
     contour: ContourConfig = field(default_factory=ContourConfig)
     calibration: CalibrationConfig = field(default_factory=CalibrationConfig)
+    detection: DetectorConfig = field(default_factory=DetectorConfig)
+    recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
 
     def __post_init__(self) -> None:
         if not 0 <= self.low_confidence <= self.high_confidence <= 1:
@@ -260,51 +207,5 @@ PAPER_CONFIG = TrackerConfig(
     multi_start=MultiStartConfig(enabled=False),
     contour=ContourConfig(enabled=False),
     calibration=CalibrationConfig(enabled=False),
+    recovery=RecoveryConfig(enabled=False),
 )
-
-
-class SelectionCriterion(StrEnum):
-    """How the best of a detector's candidates is chosen."""
-
-    ITERATIONS = "iterations"  # the paper: the fewest iterations; among equals the shortest path
-    CONFIDENCE = "confidence"  # the policy's confidence in the last pose
-
-
-@dataclass(frozen=True)
-class SeedDetectorConfig:
-    """How a `PoseDetector` searches an image.
-
-    Args:
-        sizes: widths of the object that are tried, in shares of the image's shorter side; the
-            extent of the field's sink then says more.
-        poses: random orientations that the seeds show. The paper has one; the mean of several is
-            much steadier.
-        sinks: how many of the strongest sinks of all sizes are refined. The paper has one.
-        rotations: size of the coarse grid over all rotations, at every sink.
-        seed: of the random orientations.
-        criterion: chooses the candidate: the policy's confidence, or as in the paper the fewest
-            iterations to stop, among equals the shortest path.
-        loop: the refinement loop of each candidate; with criterion iterations `max_iterations` None
-            means the paper's 30, so that loops end by themselves.
-    """
-
-    sizes: tuple[float, ...] = (0.13, 0.2, 0.3)
-    poses: int = 4
-    sinks: int = 3
-    rotations: int = 60
-    seed: int = 0
-    criterion: Literal["confidence", "iterations"] = "confidence"
-    loop: LoopConfig = field(default_factory=LoopConfig)
-
-    def __post_init__(self) -> None:
-        if not self.sizes or min(self.sizes) <= 0:
-            raise InputError(
-                f"SeedDetectorConfig: sizes must be positive shares, found {self.sizes}."
-            )
-        if min(self.poses, self.sinks, self.rotations) < 1:
-            raise InputError("SeedDetectorConfig: poses, sinks and rotations must be 1 or more.")
-        if self.criterion not in list(SelectionCriterion):
-            raise InputError(
-                f"SeedDetectorConfig: there is no criterion {self.criterion!r}; choose one of "
-                f"{', '.join(SelectionCriterion)}."
-            )

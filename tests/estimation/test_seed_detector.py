@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d import PoseDetector
 from moveit6d.actions import pose_delta
 from moveit6d.config import ActionMode
 from moveit6d.errors import InputError
-from moveit6d.estimation import SeedDetectorConfig, SelectionCriterion, StopReason, TrackingResult
-from moveit6d.estimation.detector import BATCH, Candidate, best_of, strongest
+from moveit6d.estimation import (
+    SeedDetector,
+    SeedDetectorConfig,
+    SelectionCriterion,
+    StopReason,
+    TrackingResult,
+)
+from moveit6d.estimation.seed_detector import BATCH, Candidate, best_of, strongest
 from moveit6d.estimation.seeding import Sink
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
@@ -47,7 +52,7 @@ def test_an_oracle_is_found_without_a_start(brick: Mesh, criterion: SelectionCri
     truth = Pose(turn, torch.tensor([0.06, -0.02, 0.75], dtype=torch.float64))
     many = Pose(turn.expand(BATCH, 3, 3), truth.translation.expand(BATCH, 3))
     policy = OraclePolicy(many, ActionMode.ALL_AXES)
-    detector = PoseDetector(
+    detector = SeedDetector(
         brick, CAMERA, config=replace(SMALL, criterion=criterion), policy=policy
     )
     found = detector.detect(GRAY)
@@ -86,7 +91,7 @@ def test_nothing_that_moves_inward_is_no_detection(brick: Mesh) -> None:
             return type(prediction)(prediction.logits, -prediction.delta, prediction.confidence)
 
     pose = Pose(torch.eye(3).double()[None], torch.tensor([[0.0, 0.0, 0.75]]).double())
-    found = PoseDetector(
+    found = SeedDetector(
         brick,
         CAMERA,
         config=replace(SMALL, loop=limited(1)),
@@ -112,4 +117,4 @@ def test_unknown_criteria_and_wrong_images_are_refused(brick: Mesh) -> None:
     with pytest.raises(InputError, match="no criterion 'luck'"):
         SeedDetectorConfig(criterion="luck")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="320×240"):
-        PoseDetector(brick, CAMERA, policy=policy).detect(np.zeros((10, 10, 3), np.uint8))
+        SeedDetector(brick, CAMERA, policy=policy).detect(np.zeros((10, 10, 3), np.uint8))

@@ -1,0 +1,142 @@
+"""`moveit6d benchmark detection` and `recovery`: finding objects, losing them, finding them again.
+
+Never more than arguments, loops over files and printing.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from .common import Setting, add_tracking_options, add_verb, make_tools, new_folder, positive
+from .messages import progress
+
+DETECTION = """\
+Looks for the object of every sequence in single frames, from nothing, and prints how often ADD(-S)
+is below 10 % of the diameter. With --photos and --objects it also looks for every object in photos
+without it, and prints how often a pose is claimed.
+"""
+
+DETECTION_EXAMPLES = """\
+examples:
+  moveit6d benchmark detection --sequences sequences --every 20
+  moveit6d benchmark detection --photos photos --objects meshes --limit 20
+"""
+
+RECOVERY = """\
+Tracks every sequence with an exact start while frames 40 to 69 are other pictures, and prints how
+often the object is found again, known to be lost, claimed where it is not, and known to be tracked.
+"""
+
+RECOVERY_EXAMPLES = """\
+examples:
+  moveit6d benchmark recovery --sequences sequences --photos photos --output out/cuts
+"""
+
+
+def add_kinds(kinds: Any) -> None:
+    """Add both kinds."""
+    one = add_verb(kinds, "detection", "find objects from nothing", DETECTION, DETECTION_EXAMPLES)
+    one.add_argument("--sequences", type=Path, metavar="DIR", help="sequence folders")
+    one.add_argument("--every", type=positive, default=20, metavar="N", help="frames from 0 on")
+    one.add_argument("--photos", type=Path, metavar="DIR", help="pictures without the objects")
+    one.add_argument("--objects", type=Path, metavar="DIR", help="meshes, metres")
+    one.add_argument("--limit", type=positive, metavar="N", help="photos at most, evenly chosen")
+    add_tracking_options(one)
+    one.set_defaults(run=run_detection)
+    two = add_verb(kinds, "recovery", "lose objects and find them", RECOVERY, RECOVERY_EXAMPLES)
+    two.add_argument("--sequences", type=Path, required=True, metavar="DIR", help="folders")
+    two.add_argument("--photos", type=Path, required=True, metavar="DIR", help="other pictures")
+    two.add_argument("--output", type=Path, required=True, metavar="DIR", help="NAME.csv each")
+    add_tracking_options(two)
+    two.set_defaults(run=run_recovery)
+
+
+def run_detection(args: argparse.Namespace) -> int:
+    """Detect, and print the tables."""
+    from ..datasets.sequences import read_sequences
+    from ..estimation import TemplateStore
+    from ..evaluation.detection_scores import (
+        DetectedFrame,
+        detect_in_photos,
+        detect_in_sequence,
+        detection_table,
+    )
+    from ..geometry.mesh import Mesh
+    from ..synthesis.training.source import mesh_files
+
+    if args.sequences is None and (args.photos is None or args.objects is None):
+        raise InputError("give --sequences, or --photos and --objects, or all three.")
+    setting = Setting.of(args)
+    policy, renderer = make_tools(setting)
+    store, config = TemplateStore(), setting.config
+    if args.sequences is not None:
+        found: list[DetectedFrame] = []
+        videos = read_sequences(args.sequences)
+        for video in progress(videos, len(videos), "detect", "sequence"):
+            frames = range(0, max(video.truth) + 1, args.every)
+            found += detect_in_sequence(video, frames, policy, renderer, store, config)
+        print(detection_table(found, config.detection.accepted))
+    if args.photos is not None and args.objects is not None:
+        photos = _photos(args.photos, args.limit)
+        claims: list[DetectedFrame] = []
+        meshes = mesh_files(args.objects)
+        for path in progress(meshes, len(meshes), "photos", "object"):
+            claims += detect_in_photos(photos, Mesh.load(path), policy, renderer, store, config)
+        print(detection_table(claims, config.detection.accepted))
+    return 0
+
+
+def run_recovery(args: argparse.Namespace) -> int:
+    """Track the cut sequences, keep the tracks, print the table."""
+    from ..datasets.pose_files import write_poses
+    from ..datasets.sequences import read_sequences
+    from ..estimation import PoseTracker
+    from ..evaluation.recovery_scores import (
+        RecoveryScore,
+        cut,
+        recovery_table,
+        score_recovery,
+    )
+    from ..evaluation.run_tracker import calibrating, run_tracker
+    from ..evaluation.track_scores import EvaluationPoints
+
+    setting = Setting.of(args)
+    policy, renderer = make_tools(setting)
+    photos = [image for _, image in _photos(args.photos, None)]
+    output = new_folder(args.output)
+    scores: dict[str, RecoveryScore] = {}
+    videos = read_sequences(args.sequences)
+    for number, video in enumerate(progress(videos, len(videos), "track", "sequence")):
+        mesh = video.load_mesh()
+        tracker = PoseTracker(
+            mesh,
+            video.camera,
+            video.start,
+            policy=policy,
+            renderer=renderer,
+            config=setting.config,
+            threads=setting.threads,
+        )
+        frames = cut(calibrating(tracker, video.open()), photos, number)
+        rows = {step.frame.index: step.row for step in run_tracker(tracker, frames)}
+        write_poses(output / f"{video.name}.csv", list(rows.values()))
+        one = score_recovery(
+            rows, video.truth, EvaluationPoints.of(mesh, symmetric=video.symmetric)
+        )
+        scores[video.level] = scores[video.level] + one if video.level in scores else one
+        print(recovery_table({video.name: one}).splitlines()[2], flush=True)
+    print(recovery_table(scores))
+    return 0
+
+
+def _photos(folder: Path, limit: int | None) -> list[tuple[str, Any]]:
+    """Names and pictures of a folder, evenly chosen."""
+    from ..datasets.video import open_frames
+
+    found = [(f.name, f.image) for f in open_frames(folder) if f.image is not None]
+    if limit is None or limit >= len(found):
+        return found
+    return [found[round(k * (len(found) - 1) / max(limit - 1, 1))] for k in range(limit)]

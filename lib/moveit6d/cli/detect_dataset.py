@@ -1,0 +1,134 @@
+"""`moveit6d detect --dataset`: every target of a BOP data set, as a BOP result file.
+
+Never looks at true poses.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ..config import TrackerConfig
+from ..errors import InputError
+from .common import Setting, make_tools
+from .messages import progress
+
+if TYPE_CHECKING:
+    from ..datasets.bop import BopDataset, BopTarget, Estimate
+    from ..estimation import TemplateStore
+    from ..policies import Policy
+    from ..rendering.renderer import Renderer
+
+DEFAULT = TrackerConfig()
+
+
+def run(args: argparse.Namespace) -> int:
+    """Detect in image after image and write what was done, after Ctrl-C too."""
+    from ..datasets.bop import TARGETS, BopDataset, write_results
+    from ..estimation import TemplateStore
+    from ..estimation.detection import default_store
+
+    if args.split is None:
+        raise InputError("--split missing: the folder of the data set, as test.")
+    mixed = [
+        f"--{name}" for name in ("mesh", "image", "camera", "fov", "box", "mask", "points", "start")
+        if getattr(args, name) is not None
+    ]  # fmt: skip
+    if mixed or args.method != "templates":
+        raise InputError(f"{', '.join(mixed) or '--method'} is not for --dataset.")
+    dataset = BopDataset(args.dataset, args.split)
+    name = TARGETS if args.targets is None else _targets_name(dataset, args)
+    images: dict[tuple[int, int], list[BopTarget]] = {}
+    for target in dataset.targets(name):
+        images.setdefault((target.scene, target.image), []).append(target)
+    _check(dataset, images)
+    setting = Setting.of(args)
+    policy, renderer = make_tools(setting)
+    store = TemplateStore(default_store())
+    done: list[Estimate] = []
+    try:
+        for targets in progress(images.values(), len(images), "detect", "image"):
+            done += detect_image(
+                dataset, targets, policy, renderer, store, args.distance, setting.config
+            )
+    finally:
+        if done:
+            write_results(args.output, done)
+    print(f"{len(done)} poses in {len(images)} images: {args.output}")
+    return 0
+
+
+def _targets_name(dataset: BopDataset, args: argparse.Namespace) -> str:
+    """A targets file in the working folder, or else in the data set's."""
+    return str(args.targets.resolve() if args.targets.is_file() else args.targets)
+
+
+def _check(dataset: BopDataset, images: dict[tuple[int, int], list[BopTarget]]) -> None:
+    """Load every mesh and find every image before the long work."""
+    for (scene, image), targets in images.items():
+        dataset.check_image(scene, image)
+        for target in targets:
+            if target.object is not None:
+                dataset.mesh(target.object)
+
+
+def detect_image(
+    dataset: BopDataset,
+    targets: Sequence[BopTarget],
+    policy: Policy,
+    renderer: Renderer,
+    store: TemplateStore,
+    distance: Sequence[float] | None = None,
+    config: TrackerConfig = DEFAULT,
+) -> list[Estimate]:
+    """The poses of an image's targets, found or not: BOP counts recall and orders by score.
+
+    A target without an object, as in BOP's detection tasks, stands for every object of the models.
+    """
+    from ..datasets.bop import Estimate
+    from ..estimation import PoseDetector
+    from ..estimation.detection import SearchRegion
+    from ..estimation.detection.detector import finish
+    from ..frame import prepare_frame
+
+    scene, image = targets[0].scene, targets[0].image
+    picture = dataset.image(scene, image)
+    camera = dataset.camera(scene, image, (picture.shape[1], picture.shape[0]))
+    frame = prepare_frame(picture, camera).undistorted
+    region = SearchRegion.checked(camera, distance=distance)
+    numbers = [
+        (number, target.count or 1)
+        for target in targets
+        for number in ([target.object] if target.object is not None else dataset.objects())
+    ]
+    detectors = [
+        (
+            PoseDetector(
+                dataset.mesh(number),
+                camera,
+                policy=policy,
+                renderer=renderer,
+                config=config,
+                store=store,
+            ),
+            number,
+            count,
+        )
+        for number, count in numbers
+    ]
+    for detector, *_ in detectors:
+        detector.prepare()
+    begin = time.perf_counter()
+    pyramid = detectors[0][0].pyramid_of(frame) if detectors else None
+    found = [
+        (number, count, finish(detector.steps(frame, region, (), count, pyramid=pyramid)))
+        for detector, number, count in detectors
+    ]
+    seconds = time.perf_counter() - begin
+    return [
+        Estimate(scene, image, number, one.probability, one.pose, seconds)
+        for number, count, detection in found
+        for one in (*detection.instances, *detection.rejected)[:count]
+    ]

@@ -1,0 +1,99 @@
+"""What verbs that track several objects share: their meshes, units, starts, names and paint.
+
+Never tracks.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import InputError
+from .messages import note
+
+if TYPE_CHECKING:
+    from ..datasets.video import VideoFrame
+    from ..geometry.camera import Camera
+    from ..geometry.mesh import Mesh
+    from ..geometry.pose import Pose
+
+
+def load_meshes(args: argparse.Namespace) -> list[Mesh]:
+    """The meshes of --mesh, each in its unit or all in the one that is given."""
+    from ..geometry.mesh import Mesh
+
+    units = args.mesh_unit
+    if len(units) not in (1, len(args.mesh)):
+        raise InputError(
+            f"{len(args.mesh)} times --mesh but {len(units)} times --mesh_unit; give one unit, or "
+            "one for each mesh."
+        )
+    units = units * len(args.mesh) if len(units) == 1 else units
+    return [Mesh.load(path, unit) for path, unit in zip(args.mesh, units, strict=True)]
+
+
+def read_starts(args: argparse.Namespace, count: int) -> list[Pose | None]:
+    """The poses of --start, one a mesh; None where objects are to be looked for."""
+    from ..geometry.pose import Pose
+
+    if not args.start:
+        if args.exact_start:
+            raise InputError("--exact_start needs the pose: give --start.")
+        return [None] * count
+    if len(args.start) != count:
+        raise InputError(
+            f"{count} times --mesh but {len(args.start)} times --start; give a start for each "
+            "mesh, or none to look for the objects."
+        )
+    return [Pose.load(path) for path in args.start]
+
+
+def object_names(paths: Sequence[Path]) -> list[str]:
+    """Names for the column `object`: file names, numbered where they are the same; one: none."""
+    if len(paths) == 1:
+        return [""]
+    stems = [path.stem for path in paths]
+    return [
+        f"{stem}_{stems[:k].count(stem) + 1}" if stems.count(stem) > 1 else stem
+        for k, stem in enumerate(stems)
+    ]
+
+
+def wants_paint(args: argparse.Namespace, meshes: Sequence[Mesh]) -> bool:
+    """Whether meshes without colours are painted; says that they could be, if not."""
+    plain = [mesh.name for mesh in meshes if not mesh.has_colours]
+    if args.texture_from_start and not args.start:
+        raise InputError("--texture_from_start needs the pose in the first frame: give --start.")
+    if plain and not args.texture_from_start:
+        note(
+            f"{', '.join(plain)} has no colours, which makes it hard to follow; with "
+            "--texture_from_start it takes those of the first frame."
+        )
+    return bool(plain) and args.texture_from_start
+
+
+def peek(frames: Iterator[VideoFrame]) -> tuple[VideoFrame, Iterator[VideoFrame]]:
+    """The first frame, and all of them."""
+    first = next(frames, None)
+    if first is None:
+        raise InputError("there was no frame.")
+    return first, chain([first], frames)
+
+
+def painted(
+    meshes: Sequence[Mesh], starts: Sequence[Pose | None], first: VideoFrame, camera: Camera
+) -> list[Mesh]:
+    """The meshes; those without colours take what the first frame shows of them."""
+    from ..frame import prepare_frame
+
+    if first.image is None:
+        raise InputError(f"--texture_from_start: the first frame is no use: {first.error}")
+    frame = prepare_frame(first.image, camera).undistorted
+    image = frame.pixels.permute(1, 2, 0).numpy()
+    return [
+        mesh if mesh.has_colours or pose is None else mesh.textured_from(image, pose, frame.camera)
+        for mesh, pose in zip(meshes, starts, strict=True)
+    ]

@@ -1,0 +1,47 @@
+"""Every setting of tracking and detection, with its default and what it does.
+
+Never imports torch and never computes anything: a configuration is plain data, to be written to
+files, compared and sent to other processes.
+"""
+
+from .detection import (
+    DetectorConfig,
+    JudgeConfig,
+    MatchConfig,
+    SeedDetectorConfig,
+    SelectionCriterion,
+    TemplateConfig,
+)
+from .loop import MAX_ITERATIONS, ActionMode, LoopConfig, Mode
+from .recovery import RecoveryConfig, StateConfig
+from .tracking import (
+    PAPER_CONFIG,
+    CalibrationConfig,
+    ContourConfig,
+    MotionConfig,
+    MultiStartConfig,
+    PerturbationConfig,
+    TrackerConfig,
+)
+
+__all__ = [
+    "MAX_ITERATIONS",
+    "PAPER_CONFIG",
+    "ActionMode",
+    "CalibrationConfig",
+    "ContourConfig",
+    "DetectorConfig",
+    "JudgeConfig",
+    "LoopConfig",
+    "MatchConfig",
+    "Mode",
+    "MotionConfig",
+    "MultiStartConfig",
+    "PerturbationConfig",
+    "RecoveryConfig",
+    "SeedDetectorConfig",
+    "SelectionCriterion",
+    "StateConfig",
+    "TemplateConfig",
+    "TrackerConfig",
+]

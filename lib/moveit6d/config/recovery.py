@@ -1,0 +1,82 @@
+"""Settings of what happens when an object is lost.
+
+Never computes anything.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from ..errors import InputError
+
+
+@dataclass(frozen=True)
+class StateConfig:
+    """When the state of a tracked object changes.
+
+    The probability that a pose is right is a logistic regression on the network's confidence and on
+    the contour's agreement with the colours of earlier frames, which the network never saw. It was
+    fitted on tracks of synthetic sequences in which the object goes away and comes back, of
+    training meshes that were held out.
+
+    Args:
+        confidence: weight of the network's confidence.
+        agreement: weight of the contour's agreement, a share.
+        intercept: of the regression.
+        confirmed: probability from which an object is tracked.
+        doubted: probability below which a tracked object becomes uncertain. Between the two the
+            state stays what it was.
+        rejected: probability below which a frame counts as one without the object.
+        frames_to_lose: so many such frames in a row, and the object is lost.
+        frames_to_find: so many confirmed frames in a row, and an object that was found again is
+            tracked; until then it is uncertain.
+    """
+
+    confidence: float = 11.5
+    agreement: float = 4.5
+    intercept: float = -9.8
+    confirmed: float = 0.5
+    doubted: float = 0.3
+    rejected: float = 0.25
+    frames_to_lose: int = 3
+    frames_to_find: int = 1
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.rejected <= self.doubted <= self.confirmed <= 1:
+            raise InputError(
+                "StateConfig: 0 ≤ rejected ≤ doubted ≤ confirmed ≤ 1 is needed, found "
+                f"{self.rejected}, {self.doubted} and {self.confirmed}."
+            )
+        if min(self.frames_to_lose, self.frames_to_find) < 1:
+            raise InputError(
+                "StateConfig: frames_to_lose and frames_to_find must be 1 or more, found "
+                f"{self.frames_to_lose} and {self.frames_to_find}."
+            )
+
+
+@dataclass(frozen=True)
+class RecoveryConfig:
+    """How a lost object is looked for (mode all_axes only).
+
+    Args:
+        enabled: look for lost objects at all; without, a lost object's poses are given as they are.
+        interval: frames from one search of the whole image to the next.
+        max_milliseconds: time a frame that a search may take; it then goes on in the next frames,
+            in the picture that it began with. None finishes a search in its frame, so that the same
+            video always gives the same poses.
+        states: when an object counts as lost, and as found.
+    """
+
+    enabled: bool = True
+    interval: int = 3
+    max_milliseconds: float | None = None
+    states: StateConfig = field(default_factory=StateConfig)
+
+    def __post_init__(self) -> None:
+        if self.interval < 1:
+            raise InputError(f"RecoveryConfig: interval must be 1 or more, found {self.interval}.")
+        if self.max_milliseconds is not None and not self.max_milliseconds >= 0:
+            raise InputError(
+                "RecoveryConfig: max_milliseconds must not be negative, found "
+                f"{self.max_milliseconds}."
+            )

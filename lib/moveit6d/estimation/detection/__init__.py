@@ -1,0 +1,20 @@
+"""Detection: an object's pose in an image from nothing, or from a box, a mask, clicks, a distance.
+
+Never tracks. `PoseDetector` is the door; the paper's own way is in `estimation.seed_detector`.
+"""
+
+from .detector import Detection, FoundPose, PoseDetector, default_store, detect_objects
+from .judge import Evidence
+from .region import SearchRegion
+from .templates import TemplateStore
+
+__all__ = [
+    "Detection",
+    "Evidence",
+    "FoundPose",
+    "PoseDetector",
+    "SearchRegion",
+    "TemplateStore",
+    "default_store",
+    "detect_objects",
+]

@@ -1,0 +1,400 @@
+"""An object's pose in a single image from nothing, or from what is known: search, refine, judge.
+
+Never remembers anything of an image. Template matching over the whole image proposes candidates; a
+tournament of the refinement loop chooses between them; a judge says whether the object is there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+
+from ...config import SeedDetectorConfig, TrackerConfig
+from ...errors import InputError
+from ...frame import Frame, prepare_frame
+from ...geometry.camera import Camera
+from ...geometry.mesh import Mesh
+from ...geometry.pose import Pose
+from ...policies import DescriptorPolicy, Policy, load_policy
+from ...rendering.backends import make_renderer
+from ...rendering.renderer import Renderer
+from ...threads import checked_threads, with_own_threads
+from ...typing import ImageLike
+from ..contour_stage import refine_result
+from ..inputs import camera_of, meshes_of, pose_of
+from ..refine import refine_starts
+from ..results import Refined, Start, TrackingResult
+from ..seed_detector import SeedDetection, SeedDetector
+from ..seeding import seed_poses
+from ..visibility import check_start, out_of_sight
+from .judge import Evidence, similarities
+from .matching import Candidates, Matcher, Pyramid, ladder
+from .points import poses_from_points
+from .region import SearchRegion
+from .templates import WIDTH, TemplateBank, TemplateStore
+
+BATCH = 16  # loops that run side by side
+BACKGROUND = 0.6  # scale of the whole image in which a narrowed search learns what is usual
+SAME_INSTANCE = 0.4  # of the object's width: nearer poses are one instance
+
+DEFAULT, DEFAULT_SEEDS = TrackerConfig(), SeedDetectorConfig()
+
+Steps = Generator[None, None, "Detection"]
+Method = Literal["templates", "seeds"]
+
+
+@dataclass(frozen=True)
+class FoundPose:
+    """One instance: the refined result, the probability that it is right, and what speaks for it.
+
+    `result.pose` is in the mesh file's frame; `result.confidence` is the probability. The method
+    `seeds` has no other evidence than the confidence.
+    """
+
+    result: TrackingResult
+    probability: float
+    evidence: Evidence | None = None
+
+    @property
+    def pose(self) -> Pose:
+        """Object → camera, in the mesh file's frame, metres."""
+        assert self.result.pose is not None  # results without a pose are never kept
+        return self.result.pose
+
+
+@dataclass(frozen=True)
+class Detection:
+    """What was found of one object in one image, the most probable first.
+
+    `instances` are those found; `rejected` the best of what was looked at and not accepted; `seeds`
+    how the method `seeds` came there.
+    """
+
+    instances: tuple[FoundPose, ...]
+    rejected: tuple[FoundPose, ...] = ()
+    seeds: SeedDetection | None = None
+
+    @property
+    def found(self) -> bool:
+        """Whether the object is in the image, as far as can be told."""
+        return bool(self.instances)
+
+    @property
+    def best(self) -> FoundPose | None:
+        """The most probable pose, accepted or not; None if nothing could be looked at."""
+        every = (*self.instances, *self.rejected)
+        return max(every, key=lambda one: one.probability) if every else None
+
+    @property
+    def pose(self) -> Pose | None:
+        """The pose of the most probable instance; None if the object was not found."""
+        return self.instances[0].pose if self.instances else None
+
+    @property
+    def probability(self) -> float:
+        """That the best pose is right; 0 if there is none."""
+        return 0.0 if self.best is None else self.best.probability
+
+
+class PoseDetector:
+    """Finds one object in single images of one camera, without a start pose.
+
+    Args:
+        mesh: the object; it is prepared once, in a second or two, at the first image.
+        camera: the camera, lens distortion included if it has any.
+        policy: refines and describes; the shipped network if None.
+        renderer: the back end; embree if None.
+        config: every other setting; of a search those in `detection`.
+        method: templates compares the image with the object seen from all sides; seeds is the
+            paper's way, by where single iterations lead: it takes minutes, and the object to be
+            there.
+        seeds: settings of the method seeds.
+        store: where prepared meshes are kept; in memory of this detector alone if None.
+        threads: CPU threads of torch and OpenCV while it computes; the caller's if None.
+
+    Raises `InputError` for a policy without descriptors, unless the method is seeds.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        camera: Camera,
+        *,
+        policy: Policy | None = None,
+        renderer: Renderer | None = None,
+        config: TrackerConfig = DEFAULT,
+        method: Method = "templates",
+        seeds: SeedDetectorConfig = DEFAULT_SEEDS,
+        store: TemplateStore | None = None,
+        threads: int | None = 1,
+    ) -> None:
+        self.mesh, self.camera = meshes_of([mesh])[0], camera_of(camera)
+        self.settings, self.config = config, config.detection
+        self.threads = checked_threads(threads)
+        self.renderer = make_renderer() if renderer is None else renderer
+        self.store = store or TemplateStore()
+        self._policy: Policy = load_policy() if policy is None else policy
+        self.seeds: SeedDetector | None = None
+        if method == "seeds":
+            self.seeds = SeedDetector(
+                self.mesh, self.camera, policy=self._policy, renderer=self.renderer, config=seeds,
+                threads=threads,
+            )  # fmt: skip
+        elif method != "templates":
+            raise InputError(f"There is no method {method!r}; choose one of templates, seeds.")
+        elif not isinstance(self._policy, DescriptorPolicy):
+            raise InputError(
+                f"{type(self._policy).__name__} has no descriptors to search an image with; use "
+                "method='seeds', or a network that has them."
+            )
+
+    @property
+    def policy(self) -> DescriptorPolicy:
+        """The policy as the method templates needs it."""
+        assert isinstance(self._policy, DescriptorPolicy)
+        return self._policy
+
+    def prepare(self) -> TemplateBank:
+        """Describe the mesh from all sides, unless that has been done before."""
+        network = str(getattr(self.policy, "source", ""))
+        return self.store.get(
+            self.mesh, self.policy.descriptors, self.renderer, self.config.templates, network
+        )
+
+    @with_own_threads
+    def detect(
+        self,
+        image: ImageLike | Frame,
+        *,
+        instances: int = 1,
+        box: Sequence[float] | None = None,
+        mask: Any = None,
+        points: Any = None,
+        distance: Sequence[float] | None = None,
+        start: Pose | None = None,
+    ) -> Detection:
+        """The object in an RGB image (H, W, 3); whether it is there is part of the answer.
+
+        What is known narrows the search: `box` (x, y, width, height) in pixels around what is
+        visible; `mask` (H, W), not zero on the object; `points` (N, 5) rows u, v, x, y, z of four
+        or more pixels and where they lie on the mesh (its file's frame, metres); `distance`
+        (nearest, farthest) metres; `start` a pose that is roughly right. Pixels are those of the
+        image as it was taken. `instances` is how many of the object there may be. The method
+        `seeds` takes none of these.
+
+        Raises `InputError` if something given cannot be used.
+        """
+        frame = prepare_frame(image, self.camera)
+        region = SearchRegion.checked(self.camera, box, mask, distance, start)
+        if self.seeds is not None:
+            if not region.empty or points is not None or instances != 1:
+                raise InputError(
+                    "The method seeds looks for one object in the whole image; leave out what "
+                    "narrows it."
+                )
+            return _by_seeds(self.seeds.detect(frame))
+        given = []
+        if start is not None:
+            given.append(pose_of(start))
+            check_start(given[0], self.mesh, self.camera)
+        if points is not None:
+            given += poses_from_points(points, self.camera)
+        region = region.undistorted(self.camera)
+        return finish(self.steps(frame, region, given, instances, search=points is None))
+
+    def steps(
+        self,
+        image: ImageLike | Frame,
+        region: SearchRegion | None = None,
+        given: Sequence[Pose] = (),
+        instances: int = 1,
+        search: bool = True,
+        pyramid: Pyramid | None = None,
+    ) -> Steps:
+        """`detect` in short steps, for who has other things to do between them; by templates.
+
+        `region` is one of the image without its lens. `given` are poses (mesh file's frame) that
+        are tried beside the candidates of the search, or instead of them. Each `next` does one step
+        of some ten milliseconds; the generator's value is the detection.
+        Detectors of several objects may share the `pyramid` of an image (`pyramid_of`).
+        """
+        frame = prepare_frame(image, self.camera).undistorted
+        known = region or SearchRegion()
+        found = Detection(())
+        poses = [self.mesh.inner(pose.to(torch.float64)) for pose in given]
+        poses = [pose for pose in poses if self._in_sight(pose, frame.camera)]
+        if search:
+            levels = self.pyramid_of(frame) if pyramid is None else pyramid
+            candidates = yield from self._search(frame, known, levels)
+            poses += self._poses(candidates, frame.camera)
+        size = self.config.match.candidates
+        results: list[FoundPose] = []
+        for first in range(0, len(poses), size):
+            refined = yield from self._tournament(frame, poses[first : first + size], instances)
+            results += self._judged(frame, refined)
+            yield
+            found = self._answer(results, instances)
+            if len(found.instances) >= instances:
+                break
+        return found
+
+    def pyramid_of(self, frame: Frame) -> Pyramid:
+        """The frame at all scales, without its lens, described by this detector's policy."""
+        pixels = frame.undistorted.pixels
+        image = pixels if pixels.is_floating_point() else pixels.to(torch.float32) / 255
+        return Pyramid(image, self.policy.descriptors, self.config.match.local_mean)
+
+    def _search(
+        self, frame: Frame, region: SearchRegion, pyramid: Pyramid
+    ) -> Generator[None, None, Candidates]:
+        """Candidates in the image, those first that match best."""
+        bank, config = self.prepare(), self.config.match
+        yield
+        low, high = region.widths(self.mesh, frame.camera, config.widths)
+        matcher = Matcher(bank, config, self.config.templates.colour)
+        window = region.window(self.mesh, frame.camera, high)
+        if window is not None:
+            background = max(0.5 * (low + high), WIDTH / BACKGROUND)
+            matcher.add(pyramid.level(background), background_only=True)
+            yield
+        for width in ladder(low, high, config.step):
+            matcher.add(pyramid.level(width, window))
+            yield
+        allowed = None if region.empty else (
+            lambda pixels, widths, views: region.allows(
+                self.mesh, frame.camera, pixels, widths, bank.fine.boxes[views]
+            )
+        )  # fmt: skip
+        return matcher.candidates(allowed)
+
+    def _in_sight(self, centred: Pose, camera: Camera) -> bool:
+        return out_of_sight(centred.translation, self.mesh.sphere_diameter, camera) is None
+
+    def _poses(self, candidates: Candidates, camera: Camera) -> list[Pose]:
+        """Centred poses of candidates that the camera can see."""
+        rotations = self.prepare().fine.rotations
+        found = []
+        for k in range(len(candidates)):
+            pixel = candidates.pixels[k].to(torch.float64)[None]
+            rotation = rotations[candidates.views[k]][None]
+            width = float(candidates.widths[k])
+            pose = seed_poses(pixel, rotation, self.mesh.sphere_diameter, width, camera)[0]
+            if self._in_sight(pose, camera):
+                found.append(pose)
+        return found
+
+    def _tournament(
+        self, frame: Frame, poses: Sequence[Pose], instances: int
+    ) -> Generator[None, None, list[Refined]]:
+        """Refine centred candidates in rounds, fewer and longer each time; the best at the end."""
+        results: list[Refined] = []
+        for number, (count, iterations) in enumerate(self.config.stages):
+            if number:
+                best = _most_confident(results, count * instances)
+                poses = [one.centred for one in best if one.centred is not None]
+            results = []
+            loop = replace(self.settings.loop, max_iterations=iterations)
+            for first in range(0, len(poses), BATCH):
+                results += refine_starts(
+                    [Start(frame, self.mesh, pose) for pose in poses[first : first + BATCH]],
+                    policy=self.policy,
+                    renderer=self.renderer,
+                    loop=loop,
+                )
+                yield
+        return results
+
+    def _judged(self, frame: Frame, results: Sequence[Refined]) -> list[FoundPose]:
+        """Fit the contours, and look at every pose once more."""
+        refined = [
+            refine_result(
+                Start(frame, self.mesh, result.centred), result, self.renderer,
+                self.settings.contour,
+            )[0]
+            for result in results
+            if result.centred is not None
+        ]  # fmt: skip
+        poses = [one.centred for one in refined if one.centred is not None]
+        cosines = similarities(frame, self.mesh, poses, self.policy, self.renderer)
+        found = []
+        for one, cosine in zip(refined, cosines, strict=True):
+            evidence = Evidence(one.confidence, cosine)
+            probability = evidence.probability(self.config.judge)
+            result = replace(one, confidence=probability).result(self.mesh)
+            found.append(FoundPose(result, probability, evidence))
+        return found
+
+    def _answer(self, found: Sequence[FoundPose], instances: int) -> Detection:
+        """Which of the poses are right, as many as there may be instances."""
+        apart = self._apart(sorted(found, key=lambda one: -one.probability))
+        accepted = [one for one in apart if one.probability >= self.config.accepted][:instances]
+        rest = [one for one in apart if not any(one is kept for kept in accepted)]
+        return Detection(tuple(accepted), tuple(rest))
+
+    def _apart(self, found: Sequence[FoundPose]) -> list[FoundPose]:
+        """The best pose of each place."""
+        kept: list[FoundPose] = []
+        for one in found:
+            if not any(self._is_same(one.pose, other.pose) for other in kept):
+                kept.append(one)
+        return kept
+
+    def _is_same(self, one: Pose, other: Pose) -> bool:
+        a, b = self.mesh.inner(one).translation, self.mesh.inner(other).translation
+        aside = (self.camera.project(a) - self.camera.project(b)).norm()
+        width = self.camera.fx * self.mesh.sphere_diameter / float(torch.minimum(a[2], b[2]))
+        return float(aside) < SAME_INSTANCE * width
+
+
+def _most_confident(results: Sequence[Refined], count: int) -> list[Refined]:
+    """The most confident results that have a pose."""
+    alive = [result for result in results if result.centred is not None]
+    return sorted(alive, key=lambda one: -one.confidence)[:count]
+
+
+def _by_seeds(found: SeedDetection) -> Detection:
+    """What the paper's way found; the confidence is all that it knows."""
+    result = found.result
+    if result is None or result.pose is None:
+        return Detection((), seeds=found)
+    return Detection((FoundPose(result, result.confidence),), seeds=found)
+
+
+def finish(steps: Steps) -> Detection:
+    """Take the steps of a detection to their end."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            found: Detection = end.value
+            return found
+
+
+def detect_objects(
+    detectors: Sequence[PoseDetector], image: ImageLike | Frame, counts: Sequence[int] | None = None
+) -> list[Detection]:
+    """Several objects in one image, each with its own detector of one policy and camera.
+
+    The image is described once for all of them. `counts` are the most instances of each.
+    """
+    if not detectors:
+        return []
+    frame = prepare_frame(image, detectors[0].camera)
+    pyramid = detectors[0].pyramid_of(frame)
+    numbers = [1] * len(detectors) if counts is None else list(counts)
+    return [
+        finish(detector.steps(frame, instances=count, pyramid=pyramid))
+        for detector, count in zip(detectors, numbers, strict=True)
+    ]
+
+
+def default_store() -> Path:
+    """Where the command line keeps prepared meshes: the user's cache folder."""
+    import os
+
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "moveit6d" / "templates"

@@ -1,0 +1,113 @@
+"""Poses from points that somebody clicked: pixels in the image and the places on the mesh.
+
+Never sees an image.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ...errors import InputError
+from ...geometry.camera import Camera
+from ...geometry.mesh import METRES
+from ...geometry.pose import Pose
+
+FEWEST = 4
+COLUMNS = ("u", "v", "x", "y", "z")
+
+
+def read_points(path: Path, unit: str) -> NDArray[np.float64]:
+    """Rows u, v, x, y, z of a CSV file: pixels, and the mesh file's coordinates → metres (N, 5).
+
+    A heading is optional. `InputError` where a row is not five numbers.
+    """
+    rows = []
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            for number, cells in enumerate(csv.reader(file), 1):
+                if not cells or (number == 1 and not _is_number(cells[0])):
+                    continue
+                if len(cells) != 5 or not all(_is_number(cell) for cell in cells):
+                    raise InputError(
+                        f"{path}, line {number}: five numbers {','.join(COLUMNS)} are needed, "
+                        f"found {','.join(cells)!r}."
+                    )
+                rows.append([float(cell) for cell in cells])
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} cannot be read as a CSV file of points: {error}.") from error
+    points = np.array(rows, np.float64).reshape(-1, 5)
+    points[:, 2:] *= METRES[unit]
+    return points
+
+
+def poses_from_points(points: Any, camera: Camera) -> list[Pose]:
+    """Poses (mesh file's frame) that take (N, 5) rows u, v, x, y, z (pixels, metres) best.
+
+    Several where the points leave a choice (points in a plane), the best first. SQPnP, then
+    Levenberg–Marquardt on the reprojection error, both OpenCV's. The camera's lens distortion is
+    taken into account: pixels are those of the image as it was taken. `InputError` for fewer than
+    four points, or if no pose explains them.
+    """
+    import cv2
+
+    rows = np.asarray(points, np.float64)
+    if rows.ndim != 2 or rows.shape[1] != 5 or len(rows) < FEWEST or not np.isfinite(rows).all():
+        raise InputError(
+            f"points: at least {FEWEST} rows of {', '.join(COLUMNS)} are needed, found shape "
+            f"{rows.shape}."
+        )
+    pixels, places = rows[:, :2].copy(), rows[:, 2:].copy()
+    matrix = camera.matrix.numpy()
+    if camera.lens is not None:
+        pixels = camera.lens.undistort(pixels, matrix)
+    solutions: list[tuple[float, Any, Any]] = []
+    for method in (cv2.SOLVEPNP_SQPNP, cv2.SOLVEPNP_IPPE):
+        solutions += _solve(places, pixels, matrix, method)
+    solutions.sort(key=lambda one: one[0])
+    found: list[Pose] = []
+    for _, turn, place in solutions:
+        pose = Pose.checked(cv2.Rodrigues(turn)[0], place.ravel(), "points")
+        if float(pose.transform(torch.from_numpy(places))[:, 2].min()) > 0 and not any(
+            torch.allclose(pose.rotation, other.rotation, atol=1e-3) for other in found
+        ):
+            found.append(pose)
+    if not found:
+        raise InputError(
+            "points: no pose in front of the camera takes them to these pixels; check their order, "
+            "the mesh's unit and that not all of them lie on one line."
+        )
+    return found
+
+
+def _solve(
+    places: NDArray[Any], pixels: NDArray[Any], matrix: NDArray[Any], method: int
+) -> Sequence[tuple[float, Any, Any]]:
+    import cv2
+
+    try:
+        _, turns, shifts, _ = cv2.solvePnPGeneric(places, pixels, matrix, None, flags=method)
+    except cv2.error:  # IPPE refuses points that are not in a plane; both refuse points on a line
+        return []
+    solutions = []
+    for turn, shift in zip(turns, shifts, strict=True):
+        turn, shift = cv2.solvePnPRefineLM(places, pixels, matrix, None, turn, shift)
+        again = cv2.projectPoints(places, turn, shift, matrix, None)[0][:, 0]
+        error = float(np.sqrt(((again - pixels) ** 2).sum(1).mean()))
+        if np.isfinite(error):
+            solutions.append((error, turn, shift))
+    return solutions
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

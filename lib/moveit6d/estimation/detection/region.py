@@ -1,0 +1,208 @@
+"""What is known about where an object may be: a box, a mask, a distance, a pose nearby.
+
+Never sees an image and never scores anything.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ...errors import InputError
+from ...geometry.camera import Camera
+from ...geometry.mesh import Mesh
+from ...geometry.pose import Pose
+
+NEAR = 0.75  # widths of the object that one may have moved by, and still be near
+BOX_OVERLAP = 0.5  # intersection over union of a template's box and the given one at least
+
+
+@dataclass(frozen=True)
+class SearchRegion:
+    """Where to look for one object; what is None is not known.
+
+    `box` is (x, y, width, height) in pixels around what is visible of the object; `mask` (H, W)
+    bool its visible pixels; `distance` (nearest, farthest) metres from the camera to the object's
+    centre; `near` a pose (mesh file's frame) that is roughly right.
+    """
+
+    box: tuple[float, float, float, float] | None = None
+    mask: NDArray[np.bool_] | None = None
+    distance: tuple[float, float] | None = None
+    near: Pose | None = None
+
+    @staticmethod
+    def checked(
+        camera: Camera,
+        box: Any = None,
+        mask: Any = None,
+        distance: Any = None,
+        near: Pose | None = None,
+    ) -> SearchRegion:
+        """From numbers that a user gave; `InputError` says what is wrong with them."""
+        return SearchRegion(
+            None if box is None else _box(box, camera),
+            None if mask is None else _mask(mask, camera),
+            None if distance is None else _distance(distance),
+            near,
+        )
+
+    def undistorted(self, camera: Camera) -> SearchRegion:
+        """The same region in the image as `Camera.undistort` makes it."""
+        frame = self.frame()
+        if camera.lens is None or frame is None:
+            return self
+        mask = self.mask
+        if mask is None:
+            x, y, width, height = frame
+            mask = np.zeros((camera.height, camera.width), np.bool_)
+            mask[max(0, round(y)) : round(y + height), max(0, round(x)) : round(x + width)] = True
+        flat = camera.undistort(torch.from_numpy(mask.astype(np.uint8))[None])[0][0].numpy() > 0
+        if not flat.any():
+            raise InputError("box or mask: nothing of it is left once the lens is undone.")
+        region = replace(self, box=None, mask=flat)
+        return region if self.mask is not None else replace(self, box=region.frame())
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing is known."""
+        return all(v is None for v in (self.box, self.mask, self.distance, self.near))
+
+    def frame(self) -> tuple[float, float, float, float] | None:
+        """The box, or the one around the mask: (x, y, width, height)."""
+        if self.box is not None or self.mask is None:
+            return self.box
+        rows, columns = np.nonzero(self.mask)
+        left, top = float(columns.min()) - 0.5, float(rows.min()) - 0.5
+        return left, top, float(columns.max()) + 0.5 - left, float(rows.max()) + 0.5 - top
+
+    def window(self, mesh: Mesh, camera: Camera, width: float) -> tuple[int, int, int, int] | None:
+        """The part of the image to look at (left, top, right, bottom); None for all of it.
+
+        `width` is the largest one of the object that is tried, pixels.
+        """
+        frame = self.frame()
+        if frame is None and self.near is not None:
+            u, v = _pixel(mesh, self.near, camera).tolist()
+            reach = NEAR * _width(mesh, self.near, camera)
+            frame = u - reach, v - reach, 2 * reach, 2 * reach
+        if frame is None:
+            return None
+        x, y, wide, high = frame
+        margin = 0.6 * width
+        left, top = max(0, round(x - margin)), max(0, round(y - margin))
+        right = min(camera.width, round(x + wide + margin))
+        bottom = min(camera.height, round(y + high + margin))
+        return (left, top, right, bottom) if left < right and top < bottom else None
+
+    def widths(
+        self, mesh: Mesh, camera: Camera, shares: tuple[float, float]
+    ) -> tuple[float, float]:
+        """Smallest and largest width of the object's sphere in pixels that are to be tried.
+
+        `shares` of the image's shorter side limit them where nothing else does.
+        """
+        side = min(camera.width, camera.height)
+        low, high = shares[0] * side, shares[1] * side
+        if self.distance is not None:
+            focal = 0.5 * (camera.fx + camera.fy)
+            near, far = self.distance
+            low, high = focal * mesh.sphere_diameter / far, focal * mesh.sphere_diameter / near
+        frame = self.frame()
+        if frame is not None:
+            longest = max(frame[2], frame[3])
+            low, high = max(low, 0.85 * longest), min(high, 2.5 * longest)
+            low, high = min(low, longest * 2.5), max(high, longest)
+        if self.near is not None:
+            size = _width(mesh, self.near, camera)
+            low, high = max(low, size / 1.5), min(high, size * 1.5)
+            if low > high:
+                low, high = size / 1.5, size * 1.5
+        return low, max(low, high)
+
+    def allows(
+        self, mesh: Mesh, camera: Camera, pixels: Tensor, sizes: Tensor, boxes: Tensor
+    ) -> Tensor:
+        """Which candidates (N) may be: centres (N, 2), sphere widths (N) and template boxes (N, 4).
+
+        Boxes are edges from the centre in widths of the sphere.
+        """
+        allowed = torch.ones(len(pixels), dtype=torch.bool)
+        frame = self.frame()
+        if frame is not None:
+            edges = pixels.repeat(1, 2) + boxes * sizes[:, None]
+            allowed &= _overlap(edges, frame) >= BOX_OVERLAP
+        if self.near is not None:
+            centre = _pixel(mesh, self.near, camera)
+            width = _width(mesh, self.near, camera)
+            allowed &= (pixels - centre).norm(dim=1) < NEAR * width
+        return allowed
+
+
+def _width(mesh: Mesh, pose: Pose, camera: Camera) -> float:
+    distance = float(mesh.inner(pose).translation.norm())
+    return 0.5 * (camera.fx + camera.fy) * mesh.sphere_diameter / distance
+
+
+def _pixel(mesh: Mesh, pose: Pose, camera: Camera) -> Tensor:
+    return camera.project(mesh.inner(pose.to(torch.float64)).translation).to(torch.float32)
+
+
+def _overlap(edges: Tensor, frame: tuple[float, float, float, float]) -> Tensor:
+    """Intersection over union of boxes (N, 4), given by edges, and one (x, y, width, height)."""
+    x, y, width, height = frame
+    across = (edges[:, 2].clamp(max=x + width) - edges[:, 0].clamp(min=x)).clamp(min=0)
+    down = (edges[:, 3].clamp(max=y + height) - edges[:, 1].clamp(min=y)).clamp(min=0)
+    common = across * down
+    area = (edges[:, 2] - edges[:, 0]) * (edges[:, 3] - edges[:, 1])
+    return common / (area + width * height - common).clamp(min=1e-6)
+
+
+def _numbers(values: Any, count: int, what: str) -> tuple[float, ...]:
+    try:
+        numbers = tuple(float(value) for value in values)
+    except (TypeError, ValueError):
+        raise InputError(f"{what}: {count} numbers are needed, found {values!r}.") from None
+    if len(numbers) != count or not np.isfinite(numbers).all():
+        raise InputError(f"{what}: {count} finite numbers are needed, found {values!r}.")
+    return numbers
+
+
+def _box(values: Any, camera: Camera) -> tuple[float, float, float, float]:
+    x, y, width, height = _numbers(values, 4, "box")
+    inside = x < camera.width and y < camera.height and x + width > 0 and y + height > 0
+    if width < 4 or height < 4 or not inside:
+        raise InputError(
+            f"box {x:g} {y:g} {width:g} {height:g}: left, top, width and height in pixels, at "
+            f"least 4 wide and high and inside the image of {camera.width}×{camera.height}, are "
+            "needed."
+        )
+    return x, y, width, height
+
+
+def _mask(mask: Any, camera: Camera) -> NDArray[np.bool_]:
+    array = mask.detach().cpu().numpy() if isinstance(mask, Tensor) else np.asarray(mask)
+    if array.shape != (camera.height, camera.width):
+        raise InputError(
+            f"mask: shape {tuple(array.shape)}, but the image is {camera.height} rows of "
+            f"{camera.width} pixels; give a mask of the image's size with one channel."
+        )
+    found: NDArray[np.bool_] = array > 0
+    if int(found.sum()) < 16:
+        raise InputError("mask: fewer than 16 pixels are set; non-zero pixels mark the object.")
+    return found
+
+
+def _distance(values: Any) -> tuple[float, float]:
+    near, far = _numbers(values, 2, "distance")
+    if not 0 < near <= far:
+        raise InputError(
+            f"distance {near:g} {far:g}: two positive numbers of metres, the nearer first, are "
+            "needed."
+        )
+    return near, far

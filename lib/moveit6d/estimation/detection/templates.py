@@ -1,0 +1,257 @@
+"""Templates of a mesh: what it looks like from all sides, as descriptors to search images with.
+
+Never sees an image of the real world and never decides where an object is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from ...config import TemplateConfig
+from ...errors import InputError
+from ...geometry.mesh import Mesh
+from ...geometry.pose import Pose
+from ...geometry.rotation_grid import rotation_grid
+from ...rendering.renderer import Renderer
+from ...rendering.shading import shade_plain
+
+CELL = 8  # pixels a side that one descriptor stands for
+# Width of the object's bounding sphere in a template, pixels. With 91, as wide as in the patches of
+# the loop, no more places and views are right, and matching takes three times as long.
+WIDTH = 64
+PATCH = 96  # pixels a side of a rendering: its descriptors are centred over all of it
+GREY = 0.45  # around the object in a template: a dark background would be an outline of its own
+COLOUR_SPREAD = 0.15  # of opponent colours in ordinary images
+DISTANCE = 5.0  # sphere diameters from which templates are seen: nearly without perspective
+BATCH = 32  # renderings a pass of the network
+
+Describe = Callable[[Tensor], Tensor]
+
+
+@dataclass(frozen=True)
+class Templates:
+    """One mesh from `N` sides.
+
+    `rotations` (N, 3, 3) float64 are the object's as seen along the ray through its centre;
+    `kernels` (N, C, k, k) the normalised descriptors, projected to the axes that tell the object's
+    own cells apart best (`basis` (D, C − 3)), and three channels of colour, masked and divided by
+    the mask's sum, so that the correlation with an image's is a mean over the object; `masks`
+    (N, k, k) the covered share of each cell; `boxes` (N, 4) the silhouettes' left, top, right and
+    bottom edges from the centre, in widths of the object's sphere.
+    """
+
+    rotations: Tensor
+    kernels: Tensor
+    basis: Tensor
+    masks: Tensor
+    boxes: Tensor
+
+    def __len__(self) -> int:
+        return len(self.rotations)
+
+    @property
+    def cells(self) -> int:
+        """Cells a side of a template."""
+        return self.kernels.shape[-1]
+
+
+@dataclass(frozen=True)
+class TemplateBank:
+    """A mesh prepared for detection: `fine` templates, and fewer `coarse` ones that find places.
+
+    Both have one basis.
+    """
+
+    fine: Templates
+    coarse: Templates
+
+
+@torch.inference_mode()
+def make_templates(
+    mesh: Mesh, describe: Describe, renderer: Renderer, config: TemplateConfig
+) -> TemplateBank:
+    """Render a mesh from all sides and describe what is seen.
+
+    `describe` takes images (B, 3, H, W) in [0, 1] to descriptors (B, D, H / 8, W / 8).
+    """
+    sides = rotation_grid(config.rotations), rotation_grid(config.coarse_rotations)
+    views = [_views(mesh, rotations, describe, renderer) for rotations in sides]
+    fine = views[0]
+    basis = _principal_axes(fine.features.permute(0, 2, 3, 1)[fine.weight > 0], config.channels)
+    return TemplateBank(*(one.templates(basis, config.colour) for one in views))
+
+
+@dataclass(frozen=True)
+class _Views:
+    """Normalised descriptors (N, D, h, w) and colours (N, 3, h, w) of renderings.
+
+    `covered` (N, h, w) is the object's share of each cell.
+    """
+
+    rotations: Tensor
+    features: Tensor
+    colours: Tensor
+    covered: Tensor
+    boxes: Tensor
+
+    @property
+    def weight(self) -> Tensor:
+        """Of each cell (N, h, w): its covered share, 0 under a half."""
+        return torch.where(self.covered > 0.5, self.covered, 0.0)
+
+    def templates(self, basis: Tensor, colour: float) -> Templates:
+        """Project to a basis (D, C) and cut the middle out, where the object is."""
+        weight = self.weight[:, None]
+        projected = torch.einsum("bchw,cd->bdhw", self.features, basis)
+        kernels = torch.cat([projected, colour * self.colours], 1) * weight
+        kernels = kernels / (weight.sum((2, 3), keepdim=True) + 1e-6)
+        edge = (PATCH - WIDTH) // CELL // 2
+        inner = slice(edge, edge + WIDTH // CELL)
+        return Templates(
+            self.rotations,
+            kernels[..., inner, inner].contiguous(memory_format=torch.channels_last),
+            basis,
+            self.covered[:, inner, inner].contiguous(),
+            self.boxes,
+        )
+
+
+def _views(mesh: Mesh, rotations: Tensor, describe: Describe, renderer: Renderer) -> _Views:
+    features, colours, covered, boxes = [], [], [], []
+    for first in range(0, len(rotations), BATCH):
+        some = rotations[first : first + BATCH]
+        images, mask = _render(mesh, some, renderer)
+        described = describe(images)
+        # The patch's mean says nothing about where a cell belongs on the object.
+        described = described - described.mean((2, 3), keepdim=True)
+        features.append(functional.normalize(described, dim=1))
+        colours.append(colour_cells(images, described.shape[2:]))
+        covered.append(functional.avg_pool2d(mask, CELL)[:, 0])
+        boxes.append(_boxes(mask[:, 0]))
+    parts = (torch.cat(some) for some in (features, colours, covered, boxes))
+    return _Views(rotations, *parts)
+
+
+def colour_cells(images: Tensor, size: Sequence[int]) -> Tensor:
+    """Two opponent colours and the brightness of cells: (B, 3, H, W) in [0, 1] → (B, 3, *size).
+
+    In units of `COLOUR_SPREAD`, about as large as the channels of a normalised descriptor.
+    """
+    cells = functional.interpolate(images - GREY, size=list(size), mode="area")
+    red, green, blue = cells[:, :1], cells[:, 1:2], cells[:, 2:]
+    opponents = [red - green, green - blue, 0.5 * cells.mean(1, keepdim=True)]
+    return torch.cat(opponents, 1) / COLOUR_SPREAD
+
+
+def _render(mesh: Mesh, rotations: Tensor, renderer: Renderer) -> tuple[Tensor, Tensor]:
+    """Images (B, 3, H, W) on grey and masks (B, 1, H, W) of a mesh, by rotations (B, 3, 3)."""
+    count, middle = len(rotations), (PATCH - 1) / 2
+    place = torch.tensor([0.0, 0.0, DISTANCE * mesh.sphere_diameter], dtype=torch.float64)
+    focal = WIDTH * DISTANCE
+    rows = [[focal, 0.0, middle], [0.0, focal, middle], [0.0, 0.0, 1.0]]
+    intrinsics = torch.tensor(rows, dtype=torch.float64).expand(count, 3, 3)
+    poses = Pose(rotations, place.expand(count, 3))
+    seen = renderer.render([mesh] * count, poses, intrinsics, PATCH)
+    images = shade_plain(seen).clamp(0, 1) * seen.mask + GREY * (1 - seen.mask)
+    return images, seen.mask
+
+
+def _principal_axes(cells: Tensor, count: int) -> Tensor:
+    """The `count` orthonormal directions (D, count) in which cells (N, D) differ most."""
+    covariance = cells.mT @ cells / max(len(cells), 1)
+    axes: Tensor = torch.linalg.eigh(covariance)[1]
+    return axes[:, -min(count, axes.shape[1]) :].flip(1).contiguous()
+
+
+def _boxes(masks: Tensor) -> Tensor:
+    """Edges (B, 4) of masks (B, H, W) from their middle, in widths of the sphere; 0 if empty."""
+    size = masks.shape[-1]
+    line = torch.arange(size, dtype=torch.float32)
+    found = []
+    for axis in (1, 2):  # columns, then rows
+        there = masks.amax(axis) > 0
+        low = torch.where(there, line, float(size)).amin(1)
+        high = torch.where(there, line + 1, 0.0).amax(1)
+        found.append((low.minimum(high), high))
+    edges = torch.stack([found[0][0], found[1][0], found[0][1], found[1][1]], 1)
+    return (edges - size / 2) / WIDTH
+
+
+class TemplateStore:
+    """Templates that were made before: in memory and, with a folder, on disk.
+
+    On disk a file's name is a digest of everything that decides about it: the mesh's surface and
+    colours, the network (`network`, any text that names it) and the settings.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self.folder = folder
+        self._known: dict[str, TemplateBank] = {}
+
+    def get(
+        self,
+        mesh: Mesh,
+        describe: Describe,
+        renderer: Renderer,
+        config: TemplateConfig,
+        network: str = "",
+    ) -> TemplateBank:
+        """The templates of a mesh; made if they are not there yet."""
+        key = _digest(mesh, config, network)
+        if key not in self._known:
+            path = None if self.folder is None else self.folder / f"{key}.safetensors"
+            if path is not None and path.is_file():
+                self._known[key] = _read(path)
+            else:
+                self._known[key] = make_templates(mesh, describe, renderer, config)
+                if path is not None:
+                    _write(path, self._known[key])
+        return self._known[key]
+
+
+def _digest(mesh: Mesh, config: TemplateConfig, network: str) -> str:
+    digest = hashlib.sha256(f"{config!r} {network}".encode())
+    for array in (mesh.vertices, mesh.faces, mesh.uv, mesh.texture, mesh.vertex_colors):
+        digest.update(b"-" if array is None else array.tobytes())
+    return digest.hexdigest()[:32]
+
+
+_FIELDS = ("rotations", "kernels", "basis", "masks", "boxes")
+_LEVELS = ("fine", "coarse")
+
+
+def _write(path: Path, bank: TemplateBank) -> None:
+    from safetensors.torch import save
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    values = {
+        f"{level}.{name}": getattr(getattr(bank, level), name).contiguous().clone()
+        for level in _LEVELS
+        for name in _FIELDS
+    }
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    temporary.write_bytes(save(values))
+    temporary.replace(path)
+
+
+def _read(path: Path) -> TemplateBank:
+    from safetensors import SafetensorError
+    from safetensors.torch import load
+
+    try:
+        values = load(path.read_bytes())
+        return TemplateBank(
+            *(Templates(*(values[f"{level}.{name}"] for name in _FIELDS)) for level in _LEVELS)
+        )
+    except (OSError, SafetensorError, KeyError) as error:
+        raise InputError(
+            f"{path} is not a file of templates ({error}); delete it, it is made anew."
+        ) from error

@@ -1,0 +1,96 @@
+"""Looking for a lost object while the video goes on: near first, then in the whole image.
+
+Never decides that an object is lost and never remembers more than the search that is under way.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+from ..config import RecoveryConfig
+from ..frame import Frame
+from ..geometry.pose import Pose
+from .detection import Detection, PoseDetector, SearchRegion
+from .detection.detector import Steps
+from .results import StopReason, TrackingResult
+from .states import StateMachine, TrackingState, probability_of
+
+LOST = "The object is lost."
+
+
+class Supervisor:
+    """One object's state, and the search for it while it is lost.
+
+    Args:
+        detector: finds the object; None: a lost object is not looked for.
+        config: when, and how long.
+        found: whether the object's pose is known at the beginning.
+    """
+
+    def __init__(self, detector: PoseDetector | None, config: RecoveryConfig, found: bool) -> None:
+        self.detector, self.config = detector, config
+        begin = TrackingState.TRACKING if found else TrackingState.LOST
+        self.machine = StateMachine(config.states, begin)
+        self._steps: Steps | None = None
+        self._waiting = 0
+        self._near = found
+
+    @property
+    def lost(self) -> bool:
+        """Whether the object is looked for instead of followed."""
+        return self.detector is not None and self.machine.state is TrackingState.LOST
+
+    def judged(self, result: TrackingResult, agreement: float) -> TrackingResult:
+        """The result of following with its state; without its pose if the object is lost now."""
+        if result.pose is None:
+            probability = 0.0
+        else:
+            probability = probability_of(self.config.states, result.confidence, agreement)
+        state = self.machine.update(probability)
+        if state is TrackingState.TRACKING:
+            self._near = True
+        if self.lost:
+            return _without_pose(result, result.error or LOST)
+        return replace(result, state=state)
+
+    def missed(self, error: str = LOST) -> TrackingResult:
+        """The result for a frame in which the object was not found."""
+        state = self.machine.update(0.0)
+        return TrackingResult(None, 0, StopReason.FAILED, 0.0, 0.0, error, state=state)
+
+    def search(self, frame: Frame, last: Pose | None) -> Pose | None:
+        """Go on looking; a pose (mesh file's frame) to follow the object from, once it is found.
+
+        `last` is where the object was seen last. The pose may be that of an earlier frame.
+        """
+        assert self.detector is not None
+        begin = time.perf_counter()
+        if self._steps is None:
+            if self._waiting > 0:
+                self._waiting -= 1
+                return None
+            near = last if self._near else None
+            region = SearchRegion(near=near)
+            self._steps = self.detector.steps(frame, region, () if near is None else (near,))
+        while True:
+            try:
+                next(self._steps)
+            except StopIteration as end:
+                return self._finished(end.value)
+            limit = self.config.max_milliseconds
+            if limit is not None and (time.perf_counter() - begin) * 1e3 >= limit:
+                return None
+
+    def _finished(self, found: Detection) -> Pose | None:
+        self._steps = None
+        # After the search near where it was the whole image follows at once.
+        self._waiting = 0 if self._near else self.config.interval - 1
+        self._near = False
+        return found.pose
+
+
+def _without_pose(result: TrackingResult, error: str) -> TrackingResult:
+    return replace(
+        result, pose=None, stopped_by=StopReason.FAILED, error=error, state=TrackingState.LOST
+    )

@@ -1,0 +1,157 @@
+"""`moveit6d detect`: images, what is known, data sets, and the answer that nothing is there."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from moveit6d.cli.main import main
+from moveit6d.datasets.bop import Instance, read_results
+from moveit6d.datasets.bop_writer import BopImage, write_bop
+from moveit6d.datasets.pose_files import read_poses, write_camera
+from moveit6d.geometry.pose import Pose
+
+Detect = Callable[..., int]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, scene: Any) -> Path:
+    """Two frames of the brick, a picture without it, the camera."""
+    Image.fromarray(scene.image(0)).save(tmp_path / "b.png")
+    Image.fromarray(scene.image(6)).save(tmp_path / "a.png")
+    noise = np.random.default_rng(0).integers(0, 255, (12, 16, 3), np.uint8)
+    Image.fromarray(noise.repeat(10, 0).repeat(10, 1)).save(tmp_path / "none.png")
+    write_camera(tmp_path / "camera.json", scene.camera)
+    return tmp_path
+
+
+@pytest.fixture(autouse=True)
+def own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Prepared meshes are kept beside the tests, once for all of them."""
+    base = tmp_path_factory.getbasetemp() / "cache"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(base))
+
+
+@pytest.fixture
+def detect(folder: Path, brick_file: Path) -> Detect:
+    def run(images: list[str], *more: str) -> int:
+        files = [str(folder / name) for name in images]
+        return main([
+            "detect", "--mesh", str(brick_file), "--mesh_unit", "m", "--image", *files,
+            "--camera", str(folder / "camera.json"), "--output", str(folder / "out"), *more,
+        ])  # fmt: skip
+
+    return run
+
+
+def near(found: Any, true: Any) -> bool:
+    return float((found.translation - true.translation).norm()) < 0.01
+
+
+def test_one_image_gives_a_start(detect: Detect, folder: Path, scene: Any, capsys: Any) -> None:
+    assert detect(["b.png"]) == 0
+    out = folder / "out"
+    assert "probability" in capsys.readouterr().out
+    assert near(Pose.load(out / "pose.json"), scene.pose(0))
+    (row,) = read_poses(out / "poses.csv")
+    assert (row.frame, row.state) == (0, "tracking") and (row.confidence or 0) > 0.5
+    overlay = np.asarray(Image.open(out / "overlay.png"))
+    assert overlay.shape == (120, 160, 3) and (overlay != scene.image(0)).any()
+    facts = json.loads((out / "detection.json").read_text(encoding="utf-8"))
+    assert facts["images"][0]["poses"][0]["accepted"] and facts["weights_sha256"]
+
+
+def test_images_keep_their_order_and_absent_ones_a_row(
+    detect: Detect, folder: Path, scene: Any, capsys: Any
+) -> None:
+    assert detect(["b.png", "none.png", "a.png"], "--distance", "0.3", "0.8") == 0
+    assert "found in 2 of 3 images" in capsys.readouterr().out
+    rows = read_poses(folder / "out" / "poses.csv")
+    assert [row.image for row in rows] == ["b.png", "none.png", "a.png"]
+    assert [row.state for row in rows] == ["tracking", "lost", "tracking"]
+    assert near(rows[2].pose, scene.pose(6)) and rows[1].pose is None
+    assert not (folder / "out" / "pose.json").exists()
+    assert len(list((folder / "out" / "overlay").iterdir())) == 3
+
+
+def test_not_found_is_exit_code_3_and_a_sentence(detect: Detect, folder: Path, capsys: Any) -> None:
+    assert detect(["none.png"], "--distance", "0.4", "0.6") == 3
+    message = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "none.png: the object was not found" in message
+    assert not (folder / "out" / "pose.json").exists()
+    assert (folder / "out" / "poses.csv").exists()
+
+
+def test_what_is_known_comes_from_files(
+    detect: Detect, folder: Path, scene: Any, brick_file: Path, capsys: Any
+) -> None:
+    true = scene.pose(0)
+    true.save(folder / "start.json")
+    assert detect(["b.png"], "--start", str(folder / "start.json")) == 0
+    corners = torch.from_numpy(scene.mesh.vertices[::9].astype(float) + scene.mesh.center)
+    pixels = scene.camera.project(true.transform(corners))
+    with (folder / "points.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow("uvxyz")
+        writer.writerows(torch.cat([pixels, corners], 1).tolist())
+    assert detect(["b.png"], "--points", str(folder / "points.csv")) == 0
+    assert near(Pose.load(folder / "out" / "pose.json"), true)
+    u, v = scene.camera.project(scene.mesh.inner(true).translation).tolist()
+    mask = np.zeros((120, 160), np.uint8)
+    mask[max(0, int(v) - 14) : int(v) + 14, max(0, int(u) - 18) : int(u) + 18] = 255
+    Image.fromarray(mask).save(folder / "mask.png")
+    assert detect(["b.png"], "--mask", str(folder / "mask.png")) == 0
+    box = [str(round(value)) for value in (u - 22, v - 18, 44, 36)]
+    assert detect(["b.png"], "--box", *box) == 0
+    assert near(Pose.load(folder / "out" / "pose.json"), true)
+    capsys.readouterr()
+    assert detect(["b.png"], "--mask", str(brick_file)) == 2
+    assert "cannot be read as a picture" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--box", "0", "0", "1", "1"], "at least 4 wide"),
+        (["--distance", "2", "1"], "nearer first"),
+        (["--method", "seeds", "--box", "0", "0", "50", "50"], "leave out what narrows it"),
+    ],
+)
+def test_what_cannot_be_used_is_refused(
+    detect: Detect, more: list[str], words: str, capsys: Any
+) -> None:
+    assert detect(["b.png"], *more) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_missing_options_are_named(tmp_path: Path, capsys: Any) -> None:
+    assert main(["detect", "--output", str(tmp_path / "out")]) == 2
+    assert "--mesh, --mesh_unit, --image, --camera missing" in capsys.readouterr().err
+    assert main(["detect", "--dataset", str(tmp_path), "--output", str(tmp_path / "o.csv")]) == 2
+    assert "--split missing" in capsys.readouterr().err
+
+
+def test_every_target_of_a_data_set_gets_a_line(tmp_path: Path, scene: Any, capsys: Any) -> None:
+    images = [
+        BopImage(1, number, scene.image(number), scene.camera, [Instance(7, scene.pose(number))])
+        for number in (0, 3)
+    ]
+    root = write_bop(tmp_path / "set", "test", {7: scene.mesh}, images)
+    out = tmp_path / "results.csv"
+    command = ["detect", "--dataset", str(root), "--split", "test", "--output", str(out)]
+    assert main([*command, "--targets", "test_targets_bop19.json"]) == 0
+    assert "2 poses in 2 images" in capsys.readouterr().out
+    found = read_results(out)
+    assert [(e.scene, e.image, e.object) for e in found] == [(1, 0, 7), (1, 3, 7)]
+    assert all(near(e.pose, scene.pose(e.image)) and e.score > 0.5 for e in found)
+    assert found[0].seconds > 0
+    assert main([*command, "--box", "0", "0", "9", "9"]) == 2
+    assert "--box is not for --dataset" in capsys.readouterr().err

@@ -1,0 +1,91 @@
+"""The whole detection: from nothing, from what is known, and of what is not there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from moveit6d import InputError, OraclePolicy, Pose
+from moveit6d.estimation.detection import PoseDetector, detect_objects
+from moveit6d.evaluation.metrics import add
+from tests.estimation.detection.conftest import Picture
+from tests.support import pictures
+
+
+def off(seen: Picture, pose: Pose | None) -> float:
+    """ADD in diameters."""
+    assert pose is not None
+    points = torch.from_numpy(seen.mesh.sample_points(200))
+    return float(add(pose, seen.pose, points)) / seen.mesh.diameter
+
+
+def test_found_from_nothing(seen: Picture, detector: PoseDetector) -> None:
+    found = detector.detect(seen.image)
+    assert found.found and off(seen, found.pose) < 0.05
+    assert found.probability > 0.5 and found.instances[0].result.confidence == found.probability
+
+
+def test_absent_is_an_answer(detector: PoseDetector) -> None:
+    found = detector.detect(pictures.mottled(3))
+    assert not found.found and found.pose is None and found.probability < 0.5
+    assert found.best is not None and found.rejected
+
+
+def test_what_is_known_narrows(seen: Picture, detector: PoseDetector) -> None:
+    centred = seen.mesh.inner(seen.pose)
+    u, v = pictures.CAMERA.project(centred.translation).tolist()
+    half = 0.5 * 300 * seen.mesh.sphere_diameter / 0.4
+    box = (u - half, v - half, 2 * half, 2 * half)
+    mask = np.zeros((256, 256), np.uint8)
+    mask[int(v - 0.6 * half) : int(v + 0.6 * half), int(u - 0.7 * half) : int(u + 0.7 * half)] = 255
+    near = Pose(seen.pose.rotation, seen.pose.translation + torch.tensor([0.01, 0.0, 0.03]))
+    assert off(seen, detector.detect(seen.image, box=box, distance=(0.3, 0.5)).pose) < 0.05
+    assert off(seen, detector.detect(seen.image, mask=mask).pose) < 0.05
+    assert off(seen, detector.detect(seen.image, start=near).pose) < 0.05
+    # The same box where the object is not.
+    elsewhere = detector.detect(seen.image, box=(5, 150, 90, 90))
+    best = elsewhere.best
+    assert best is None or off(seen, best.pose) > 0.5 or not elsewhere.found
+
+
+def test_clicked_points_are_enough(seen: Picture, detector: PoseDetector) -> None:
+    corners = torch.from_numpy(seen.mesh.vertices[::5].astype(np.float64) + seen.mesh.center)
+    pixels = pictures.CAMERA.project(seen.pose.transform(corners))
+    rows = torch.cat([pixels + torch.tensor([2.0, -2.0]), corners], 1)
+    assert off(seen, detector.detect(seen.image, points=rows).pose) < 0.05
+
+
+def test_steps_are_short_and_lead_to_the_same(seen: Picture, detector: PoseDetector) -> None:
+    steps, count = detector.steps(seen.image), 0
+    while True:
+        try:
+            next(steps)
+            count += 1
+        except StopIteration as end:
+            assert off(seen, end.value.pose) < 0.05
+            break
+    assert count >= 6
+
+
+def test_two_instances_and_two_objects(seen: Picture, detector: PoseDetector) -> None:
+    centred = seen.mesh.inner(seen.pose)
+    left = Pose(centred.rotation, centred.translation * torch.tensor([-1.6, 0.0, 1.0]))
+    image = pictures.picture(seen.mesh, left, seen.image).permute(1, 2, 0).contiguous().numpy()
+    found = detector.detect(image, instances=2)
+    assert len(found.instances) == 2
+    places = [seen.mesh.inner(one.pose).translation for one in found.instances]
+    expected = [centred.translation, left.translation]
+    for truth in expected:
+        assert min(float((place - truth).norm()) for place in places) < 0.02
+    one, other = detect_objects([detector, detector], seen.image)
+    assert off(seen, one.pose) < 0.05 and torch.equal(one.pose.rotation, other.pose.rotation)
+
+
+def test_what_cannot_be_used_is_refused(seen: Picture, detector: PoseDetector) -> None:
+    with pytest.raises(InputError, match="no descriptors"):
+        PoseDetector(seen.mesh, pictures.CAMERA, policy=OraclePolicy(Pose.identity(1)))
+    with pytest.raises(InputError, match="256×256"):
+        detector.detect(np.zeros((10, 10, 3), np.uint8))
+    with pytest.raises(InputError, match="behind the camera"):
+        detector.detect(seen.image, start=Pose.identity())

@@ -1,0 +1,76 @@
+"""Clicked points: the pose that OpenCV's projection made them with comes back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from moveit6d import Camera, InputError
+from moveit6d.estimation.detection.points import poses_from_points, read_points
+
+CAMERA = Camera(500.0, 510.0, 320.0, 240.0, 640, 480)
+CORNERS = np.array(
+    [[0, 0, 0], [0.1, 0, 0], [0.1, 0.07, 0], [0, 0.07, 0.02], [0.05, 0.02, 0.06], [0, 0, 0.05]]
+)
+
+
+def clicked(camera: Camera, turn: np.ndarray, place: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    lens = np.array(camera.distortion or (0,) * 5, float)
+    pixels = cv2.projectPoints(corners, turn, place, camera.matrix.numpy(), lens)[0][:, 0]
+    return np.hstack([pixels, corners])
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.tuples(*[st.floats(-1.5, 1.5)] * 3),
+    st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(0.4, 1.5)),
+)
+def test_the_pose_comes_back(turn: tuple[float, ...], place: tuple[float, ...]) -> None:
+    rows = clicked(CAMERA, np.array(turn), np.array(place), CORNERS)
+    pose = poses_from_points(rows, CAMERA)[0]
+    expected = torch.from_numpy(cv2.Rodrigues(np.array(turn))[0])
+    torch.testing.assert_close(pose.rotation, expected, atol=1e-4, rtol=0)
+    torch.testing.assert_close(
+        pose.translation, torch.tensor(place, dtype=torch.float64), atol=1e-4, rtol=0
+    )
+
+
+def test_pixels_are_those_of_the_distorted_image() -> None:
+    camera = Camera(500.0, 500.0, 320.0, 240.0, 640, 480, (-0.3, 0.1, 0.0, 0.0, 0.0))
+    turn, place = np.array([0.3, -0.4, 0.1]), np.array([0.1, -0.08, 0.4])
+    pose = poses_from_points(clicked(camera, turn, place, CORNERS), camera)[0]
+    torch.testing.assert_close(pose.translation, torch.from_numpy(place), atol=1e-4, rtol=0)
+
+
+def test_four_points_in_a_plane_do(tmp_path: Path) -> None:
+    flat = CORNERS[:4] * [1, 1, 0]
+    turn, place = np.array([0.5, 0.3, 0.1]), np.array([0.02, 0.01, 0.5])
+    poses = poses_from_points(clicked(CAMERA, turn, place, flat), CAMERA)
+    assert min(float((p.translation - torch.from_numpy(place)).norm()) for p in poses) < 1e-3
+
+
+def test_a_file_is_read_in_its_unit(tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("u,v,x,y,z\n10,20,100,0,50\n11.5,2,0,0,-7\n")
+    points = read_points(path, "mm")
+    assert points.tolist() == [[10, 20, 0.1, 0, 0.05], [11.5, 2, 0, 0, -0.007]]
+
+
+def test_what_cannot_be_right_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("10,20,1,2\n")
+    with pytest.raises(InputError, match="line 1: five numbers"):
+        read_points(path, "m")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_points(tmp_path / "none.csv", "m")
+    with pytest.raises(InputError, match="at least 4 rows"):
+        poses_from_points(np.zeros((3, 5)), CAMERA)
+    line = np.hstack([np.full((5, 2), 100.0), np.arange(5)[:, None] * [[0.1, 0, 0]]])
+    with pytest.raises(InputError, match="no pose in front"):
+        poses_from_points(line, CAMERA)

@@ -1,0 +1,84 @@
+"""Regions: what a box, a mask, a distance and a nearby pose leave of a search."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from moveit6d import Camera, InputError, Mesh, Pose
+from moveit6d.estimation.detection import SearchRegion
+
+CAMERA = Camera(500.0, 500.0, 319.5, 239.5, 640, 480)
+SHARES = (0.1, 0.75)
+
+
+def at(mesh: Mesh, x: float, y: float, z: float) -> Pose:
+    place = torch.tensor([x, y, z], dtype=torch.float64)
+    return mesh.outer(Pose(torch.eye(3, dtype=torch.float64), place))
+
+
+def test_nothing_known_is_the_whole_image(box: Mesh) -> None:
+    region = SearchRegion()
+    assert region.empty and region.window(box, CAMERA, 100) is None
+    assert region.widths(box, CAMERA, SHARES) == (48.0, 360.0)
+    pixels, sizes = torch.tensor([[0.0, 0.0], [639.0, 479.0]]), torch.tensor([50.0, 300.0])
+    assert region.allows(box, CAMERA, pixels, sizes, torch.zeros(2, 4)).all()
+
+
+def test_a_distance_is_a_width(box: Mesh) -> None:
+    low, high = SearchRegion(distance=(0.5, 1.0)).widths(box, CAMERA, SHARES)
+    assert low == pytest.approx(500 * box.sphere_diameter)
+    assert high == pytest.approx(1000 * box.sphere_diameter)
+
+
+def test_a_box_bounds_width_and_place(box: Mesh) -> None:
+    region = SearchRegion(box=(200.0, 100.0, 80.0, 60.0))
+    low, high = region.widths(box, CAMERA, SHARES)
+    assert low == pytest.approx(68.0) and high == pytest.approx(200.0)
+    left, top, right, bottom = region.window(box, CAMERA, 100) or (0, 0, 0, 0)
+    assert (left, top, right, bottom) == (140, 40, 340, 220)
+    # A silhouette of 0.8 × 0.6 widths: it fills the box at its centre with width 100.
+    edges = torch.tensor([[-0.4, -0.3, 0.4, 0.3]]).expand(3, 4)
+    pixels = torch.tensor([[240.0, 130.0], [240.0, 130.0], [300.0, 130.0]])
+    sizes = torch.tensor([100.0, 190.0, 100.0])
+    assert region.allows(box, CAMERA, pixels, sizes, edges).tolist() == [True, False, False]
+
+
+def test_a_mask_is_its_box(box: Mesh) -> None:
+    mask = np.zeros((480, 640), bool)
+    mask[100:160, 200:280] = True
+    region = SearchRegion.checked(CAMERA, mask=mask)
+    assert region.frame() == (199.5, 99.5, 80.0, 60.0)
+
+
+def test_near_is_around_the_pose(box: Mesh) -> None:
+    near = at(box, 0.1, 0.0, 0.5)
+    region = SearchRegion(near=near)
+    width = 500 * box.sphere_diameter / float(box.inner(near).translation.norm())
+    assert region.widths(box, CAMERA, SHARES) == pytest.approx((width / 1.5, width * 1.5))
+    pixels = torch.tensor([[419.5, 239.5], [419.5 + 0.7 * width, 239.5], [319.5, 400.0]])
+    allowed = region.allows(box, CAMERA, pixels, torch.full((3,), width), torch.zeros(3, 4))
+    assert allowed.tolist() == [True, True, False]
+    window = region.window(box, CAMERA, width)
+    assert window is not None and window[0] > 0 and window[2] <= 640
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"box": (0, 0, 10)}, "4 finite numbers"),
+        ({"box": (0, 0, 2, 50)}, "at least 4 wide"),
+        ({"box": (700, 0, 50, 50)}, "inside the image of 640×480"),
+        ({"box": ("a", 0, 50, 50)}, "4 numbers"),
+        ({"mask": np.ones((10, 10))}, "480 rows of 640"),
+        ({"mask": np.zeros((480, 640))}, "fewer than 16"),
+        ({"distance": (1.0, 0.5)}, "nearer first"),
+        ({"distance": (0.0, float("nan"))}, "finite"),
+    ],
+)
+def test_what_cannot_be_right_is_refused(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        SearchRegion.checked(CAMERA, **given)

@@ -1,0 +1,93 @@
+"""Templates: normalised, masked, in the middle; kept in memory and on disk."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from moveit6d import InputError, Mesh, make_renderer
+from moveit6d.config import TemplateConfig
+from moveit6d.estimation.detection.templates import (
+    COLOUR_SPREAD,
+    GREY,
+    TemplateStore,
+    colour_cells,
+    make_templates,
+)
+from moveit6d.policies import NetworkPolicy
+
+FEW = TemplateConfig(rotations=12, coarse_rotations=4, channels=8)
+
+
+def test_a_template_matches_itself_best(box: Mesh, network: NetworkPolicy) -> None:
+    bank = make_templates(box, network.descriptors, make_renderer(), FEW)
+    fine = bank.fine
+    assert (len(fine), len(bank.coarse), fine.cells) == (12, 4, 8)
+    assert fine.kernels.shape == (12, 8 + 3, 8, 8)
+    axes = fine.basis.T @ fine.basis
+    torch.testing.assert_close(axes, torch.eye(8), atol=1e-5, rtol=0)
+    # Without the colours, kernels times the mask's sum are unit vectors or shorter (projected).
+    scores = fine.kernels.flatten(1) @ fine.kernels.flatten(1).T
+    assert (scores.argmax(1) == torch.arange(12)).all()
+
+
+def test_boxes_are_the_silhouettes(network: NetworkPolicy) -> None:
+    from tests.support import meshes
+
+    ball = meshes.sphere(subdivisions=3)
+    boxes = make_templates(ball, network.descriptors, make_renderer(), FEW).fine.boxes
+    expected = torch.tensor([-0.5, -0.5, 0.5, 0.5]).expand(12, 4)
+    torch.testing.assert_close(boxes, expected, atol=0.03, rtol=0)
+
+
+def test_grey_has_no_colour_and_red_has() -> None:
+    grey = torch.full((1, 3, 16, 16), GREY)
+    assert colour_cells(grey, (2, 2)).abs().max() < 1e-6
+    red = grey.clone()
+    red[:, 0] += COLOUR_SPREAD
+    first, second, brightness = colour_cells(red, (2, 2))[0, :, 0, 0].tolist()
+    assert first == pytest.approx(1.0) and second == pytest.approx(0.0)
+    assert brightness == pytest.approx(1 / 6)
+
+
+def test_templates_are_made_once_and_kept_on_disk(
+    box: Mesh, network: NetworkPolicy, tmp_path: Path
+) -> None:
+    calls = []
+
+    def describe(images: torch.Tensor) -> torch.Tensor:
+        calls.append(len(images))
+        return network.descriptors(images)
+
+    renderer = make_renderer()
+    store = TemplateStore(tmp_path / "kept")
+    first = store.get(box, describe, renderer, FEW, "net")
+    made = len(calls)
+    assert store.get(box, describe, renderer, FEW, "net") is first and len(calls) == made
+    again = TemplateStore(tmp_path / "kept").get(box, describe, renderer, FEW, "net")
+    assert len(calls) == made
+    assert torch.equal(again.fine.kernels, first.fine.kernels)
+    assert torch.equal(again.coarse.rotations, first.coarse.rotations)
+    assert len(list((tmp_path / "kept").iterdir())) == 1
+    # Another colour, another network and other settings are other templates.
+    other = replace(box, vertex_colors=np.zeros_like(box.vertex_colors))
+    TemplateStore(tmp_path / "kept").get(other, describe, renderer, FEW, "net")
+    TemplateStore(tmp_path / "kept").get(box, describe, renderer, FEW, "another")
+    assert len(list((tmp_path / "kept").iterdir())) == 3
+
+
+def test_a_damaged_file_is_named(box: Mesh, network: NetworkPolicy, tmp_path: Path) -> None:
+    TemplateStore(tmp_path).get(box, network.descriptors, make_renderer(), FEW)
+    (file,) = tmp_path.iterdir()
+    file.write_bytes(file.read_bytes()[:100])
+    with pytest.raises(InputError, match=file.name):
+        TemplateStore(tmp_path).get(box, network.descriptors, make_renderer(), FEW)
+
+
+def test_settings_are_checked() -> None:
+    with pytest.raises(InputError, match="1 or more"):
+        TemplateConfig(rotations=0)

@@ -1,0 +1,134 @@
+"""Recovery: an object that goes away is lost, has no pose, and is found where it comes back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from moveit6d import InputError, OraclePolicy, Pose, PoseTracker, load_policy
+from moveit6d.config import MultiStartConfig, RecoveryConfig, StateConfig, TrackerConfig
+from moveit6d.estimation import StopReason, TrackingResult
+from moveit6d.estimation.detection import Detection, Evidence, FoundPose
+from moveit6d.estimation.detection.detector import Steps
+from moveit6d.estimation.recovery import Supervisor
+from moveit6d.estimation.states import TrackingState
+from moveit6d.frame import Frame
+
+FRAME = Frame(torch.zeros(3, 4, 4, dtype=torch.uint8), None)  # type: ignore[arg-type]
+POSE = Pose(torch.eye(3, dtype=torch.float64), torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64))
+
+
+class Finder:
+    """A detector that takes `length` steps and finds the object in its n-th search."""
+
+    def __init__(self, length: int, finds: int) -> None:
+        self.length, self.finds, self.searches = length, finds, 0
+        self.near: list[bool] = []
+
+    def steps(self, frame: Any, region: Any, given: Any) -> Steps:
+        self.searches += 1
+        self.near.append(region.near is not None)
+        for _ in range(self.length):
+            yield
+        if self.searches < self.finds:
+            return Detection(())
+        result = TrackingResult(POSE, 1, StopReason.MAX_ITERATIONS, 0.9, 1.0)
+        return Detection((FoundPose(result, 0.9, Evidence(0.9, 0.9)),))
+
+
+def supervisor(finder: Finder, **options: Any) -> Supervisor:
+    states = StateConfig(frames_to_lose=1)
+    return Supervisor(finder, RecoveryConfig(states=states, **options), True)  # type: ignore[arg-type]
+
+
+def test_near_first_then_the_whole_image_now_and_then() -> None:
+    finder = Finder(length=5, finds=4)
+    one = supervisor(finder, interval=3)
+    assert not one.lost
+    assert one.judged(failed(), 0.0).state is TrackingState.LOST and one.lost
+    found = [one.search(FRAME, POSE) is not None for _ in range(8)]
+    # Near at once, everywhere in the next frame, then every third frame.
+    assert finder.near == [True, False, False, False]
+    assert found == [False, False, False, False, False, False, False, True]
+
+
+def test_a_search_may_take_several_frames() -> None:
+    finder = Finder(length=5, finds=1)
+    one = supervisor(finder, max_milliseconds=0.0)
+    one.judged(failed(), 0.0)
+    found = [one.search(FRAME, POSE) is not None for _ in range(6)]
+    assert finder.searches == 1 and found == [False] * 5 + [True]
+
+
+def test_a_lost_object_has_no_pose_but_a_reason() -> None:
+    one = supervisor(Finder(1, 1))
+    wrong = TrackingResult(POSE, 3, StopReason.STOP_ACTION, 0.1, 5.0)
+    result = one.judged(wrong, 0.0)
+    assert result.pose is None and result.state is TrackingState.LOST and result.error
+    # Without a detector it is only said.
+    kept = Supervisor(None, RecoveryConfig(states=StateConfig(frames_to_lose=1)), True)
+    result = kept.judged(wrong, 0.0)
+    assert result.pose is POSE and result.state is TrackingState.LOST and not kept.lost
+
+
+def failed() -> TrackingResult:
+    return TrackingResult(None, 0, StopReason.FAILED, 0.0, 1.0, "out of sight")
+
+
+@pytest.fixture(scope="module")
+def policy() -> Any:
+    return load_policy()
+
+
+def test_gone_and_back(scene: Any, policy: Any) -> None:
+    tracker = PoseTracker(scene.mesh, scene.camera, scene.pose(0), policy=policy)
+    other = np.random.default_rng(0).integers(0, 255, (12, 16, 3), np.uint8)
+    other = other.repeat(10, 0).repeat(10, 1)
+    images = [scene.image(0), scene.image(1), other, other, other, other, scene.image(4)]
+    results = [tracker.update(image) for image in [*images, scene.image(5), scene.image(6)]]
+    states = [str(one.state) for one in results]
+    assert states[:2] == ["tracking"] * 2 and states[4:6] == ["lost"] * 2
+    assert results[5].pose is None and "lost" in (results[5].error or "")
+    assert states[-1] == "tracking" and results[-1].pose is not None
+    error = (results[-1].pose.translation - scene.pose(6).translation).norm()
+    assert float(error) < 0.05 * scene.mesh.diameter
+    events = tracker.supervisors[0].machine.events()
+    assert [event["state"] for event in events][-1] == "tracking"
+
+
+def test_without_a_start_the_object_is_looked_for(scene: Any, policy: Any) -> None:
+    tracker = PoseTracker(scene.mesh, scene.camera, policy=policy)
+    result = tracker.update(scene.image(0))
+    assert result.state is TrackingState.TRACKING and result.pose is not None
+    assert float((result.pose.translation - scene.pose(0).translation).norm()) < 0.01
+
+
+def test_who_cannot_look_needs_a_start(scene: Any, policy: Any) -> None:
+    oracle = OraclePolicy(Pose.identity(1))
+    for options in (
+        {"policy": oracle},
+        {"policy": policy, "config": TrackerConfig(recovery=RecoveryConfig(False))},
+    ):
+        with pytest.raises(InputError, match="give a start pose"):
+            PoseTracker(scene.mesh, scene.camera, **options)
+
+
+def test_two_objects_have_states_of_their_own(
+    scene: Any, policy: Any, make_sequence: Callable[..., Any]
+) -> None:
+    away = Pose(scene.pose(0).rotation, torch.tensor([0.09, 0.07, 0.6], dtype=torch.float64))
+    config = TrackerConfig(
+        recovery=RecoveryConfig(False, states=StateConfig(frames_to_lose=1)),
+        multi_start=MultiStartConfig(enabled=False),
+    )
+    tracker = PoseTracker(
+        [scene.mesh, scene.mesh], scene.camera, [scene.pose(0), away], policy=policy,
+        config=config,
+    )  # fmt: skip
+    one, other = tracker.update(scene.image(0))
+    assert one.state is TrackingState.TRACKING
+    assert other.state is not TrackingState.TRACKING

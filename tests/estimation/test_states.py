@@ -1,0 +1,59 @@
+"""States: hysteresis, loss after so many frames, and the log of events."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from moveit6d.config import StateConfig
+from moveit6d.estimation.states import StateMachine, TrackingState, probability_of
+
+CONFIG = StateConfig(confirmed=0.6, doubted=0.4, rejected=0.2, frames_to_lose=3, frames_to_find=2)
+
+
+def states(*probabilities: float, begin: TrackingState = TrackingState.TRACKING) -> list[str]:
+    machine = StateMachine(CONFIG, begin)
+    return [str(machine.update(p)) for p in probabilities]
+
+
+def test_doubt_between_the_limits_changes_nothing() -> None:
+    assert states(0.9, 0.5, 0.45) == ["tracking"] * 3
+    assert states(0.9, 0.3, 0.5, 0.9) == ["tracking", "uncertain", "uncertain", "uncertain"]
+    assert states(0.3, 0.9, 0.9) == ["uncertain", "uncertain", "tracking"]
+
+
+def test_an_object_is_lost_after_so_many_frames_in_a_row() -> None:
+    assert states(0.1, 0.1, 0.1) == ["uncertain", "uncertain", "lost"]
+    assert states(0.1, 0.1, 0.3, 0.1, 0.1) == ["uncertain"] * 5
+
+
+def test_a_lost_object_comes_back_by_confirmation() -> None:
+    lost = TrackingState.LOST
+    assert states(0.3, 0.5, 0.9, 0.9, begin=lost) == ["lost", "uncertain", "uncertain", "tracking"]
+    assert states(0.1, 0.39, begin=lost) == ["lost", "lost"]
+
+
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=40))
+def test_events_tell_the_states(probabilities: list[float]) -> None:
+    machine = StateMachine(CONFIG)
+    found = [str(machine.update(p)) for p in probabilities]
+    told = []
+    for event in machine.events():
+        last = len(found) - 1 if event["last"] is None else event["last"]
+        assert isinstance(last, int) and isinstance(event["first"], int)
+        told += [event["state"]] * (last - event["first"] + 1)
+    assert told == found
+
+
+@given(st.floats(0, 1), st.floats(0, 1))
+def test_both_kinds_of_evidence_count(confidence: float, agreement: float) -> None:
+    config = StateConfig()
+    p = probability_of(config, confidence, agreement)
+    assert 0 < p < 1
+    assert probability_of(config, 1.0, agreement) >= p <= probability_of(config, confidence, 1.0)
+
+
+def test_confidence_alone_does_not_make_a_track() -> None:
+    # A network that is fairly sure of something whose contour fits nowhere.
+    assert probability_of(StateConfig(), 0.7, 0.0) < StateConfig().rejected
+    assert probability_of(StateConfig(), 0.7, 0.9) > StateConfig().confirmed

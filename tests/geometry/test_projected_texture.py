@@ -1,0 +1,72 @@
+"""Painting a mesh from a picture: the picture comes back, the hidden sides are plain."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from moveit6d import Camera, InputError, Mesh, Pose
+from moveit6d.geometry.rotation import exp_so3
+from moveit6d.rendering import make_renderer
+from moveit6d.rendering.shading import shade_plain
+from tests.support import meshes
+
+CAMERA = Camera(600.0, 600.0, 127.5, 127.5, 256, 256)
+TURN = exp_so3(torch.tensor([0.4, 0.7, 0.1], dtype=torch.float64))
+
+
+def rendered(mesh: Mesh, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
+    """Image (256, 256, 3) uint8 on green, and mask."""
+    centred = mesh.inner(pose)
+    batch = Pose(centred.rotation[None], centred.translation[None])
+    seen = make_renderer().render([mesh], batch, CAMERA.matrix[None], 256)
+    green = torch.tensor([0.1, 0.6, 0.2])[:, None, None]
+    image = shade_plain(seen)[0] * seen.mask[0] + green * (1 - seen.mask[0])
+    return (255 * image).round().byte().permute(1, 2, 0).numpy(), seen.mask[0, 0].numpy() > 0
+
+
+@pytest.fixture
+def painted() -> tuple[Mesh, Mesh, Pose]:
+    """A box with a noisy texture, its plain twin painted from a picture, and the pose."""
+    noise = np.random.default_rng(1).integers(60, 200, (16, 16, 3), np.uint8)
+    true = meshes.textured_box(noise.repeat(8, 0).repeat(8, 1), (0.1, 0.08, 0.06))
+    vertices, faces, *_ = meshes.box_arrays((0.1, 0.08, 0.06))
+    plain = Mesh.from_arrays("box", vertices, faces)
+    pose = Pose(TURN, torch.tensor([0.01, 0.0, 0.45], dtype=torch.float64))
+    assert true.has_colours and not plain.has_colours
+    return true, plain.textured_from(rendered(true, pose)[0], pose, CAMERA), pose
+
+
+def test_the_picture_comes_back(painted: tuple[Mesh, Mesh, Pose]) -> None:
+    true, mesh, pose = painted
+    (expected, mask), (found, again) = rendered(true, pose), rendered(mesh, pose)
+    assert mesh.has_colours and (mask == again).mean() > 0.999
+    difference = np.abs(expected.astype(int) - found)[mask].mean(1)
+    assert np.median(difference) < 8 and (difference < 25).mean() > 0.9
+    assert mesh.diameter == pytest.approx(true.diameter)
+
+
+def test_a_little_turn_still_looks_right(painted: tuple[Mesh, Mesh, Pose]) -> None:
+    true, mesh, pose = painted
+    about = exp_so3(torch.tensor([0.0, 0.12, 0.05], dtype=torch.float64))
+    turned = Pose(about @ pose.rotation, pose.translation)
+    (expected, mask), (found, _) = rendered(true, turned), rendered(mesh, turned)
+    assert np.median(np.abs(expected.astype(int) - found)[mask]) < 15
+
+
+def test_what_is_hidden_is_plain(painted: tuple[Mesh, Mesh, Pose]) -> None:
+    _, mesh, pose = painted
+    behind = exp_so3(torch.tensor([0.0, torch.pi, 0.0], dtype=torch.float64))
+    found, mask = rendered(mesh, Pose(behind @ pose.rotation, pose.translation))
+    inner = found[mask].astype(int)
+    # No green of the background, and hardly any print.
+    assert (inner[:, 1] - inner[:, 0] < 60).mean() > 0.98 and inner.std(0).max() < 45
+
+
+def test_out_of_the_picture_there_is_nothing_to_take() -> None:
+    vertices, faces, *_ = meshes.box_arrays()
+    plain = Mesh.from_arrays("box", vertices, faces)
+    pose = Pose(TURN, torch.tensor([0.5, 0.0, 0.4], dtype=torch.float64))
+    with pytest.raises(InputError, match="box: the camera sees too little"):
+        plain.textured_from(np.zeros((256, 256, 3), np.uint8), pose, CAMERA)
