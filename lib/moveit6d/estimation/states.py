@@ -39,7 +39,7 @@ class StateMachine:
     """The state of one object, frame by frame.
 
     >>> machine = StateMachine(StateConfig(frames_to_lose=2))
-    >>> [str(machine.update(p)) for p in (0.9, 0.3, 0.1, 0.1, 0.9)]
+    >>> [str(machine.update(p)) for p in (0.9, 0.2, 0.1, 0.1, 0.9)]
     ['tracking', 'uncertain', 'lost', 'lost', 'tracking']
     """
 
