@@ -141,7 +141,7 @@ def rendered(args: argparse.Namespace) -> int:
     if not paths:
         raise InputError(f"{args.objects} holds no .glb, .ply or .obj file.")
     policy, renderer = set_up(args)
-    meshes, photos = [Mesh.load(path, "m") for path in paths], load_photos(args.photos)
+    meshes, photos = [Mesh.load(path, "m", allow_flat=True) for path in paths], load_photos(args.photos)
     cases = list(make_cases(
         meshes, photos, renderer, cluster=args.cluster, covered=args.covered,
         number=args.number, seed=args.seed,

@@ -247,7 +247,9 @@ class BopDataset:
             symmetries = self.symmetries(number)
             if not path.exists():
                 raise InputError(f"object {number}: there is no mesh {path}.")
-            self._meshes[path] = Mesh.load(path, unit="mm", symmetries=symmetries)
+            self._meshes[path] = Mesh.load(
+                path, unit="mm", symmetries=symmetries, allow_flat=True
+            )
         return self._meshes[path]
 
     def _camera_entry(self, scene: int, image: int) -> tuple[dict[str, Any], str]:

@@ -62,7 +62,7 @@ class Sequence:
 
     def load_mesh(self) -> Mesh:
         """The object's mesh, read anew at each call."""
-        return Mesh.load(self.mesh, self.mesh_unit, self.symmetries)
+        return Mesh.load(self.mesh, self.mesh_unit, self.symmetries, allow_flat=True)
 
     def open(self) -> FrameSource:
         """The frames in order, a few of them read ahead: memory does not grow with the length."""
