@@ -17,10 +17,10 @@ from pathlib import Path
 
 from moveit6d import InputError, PoseTracker, load_policy, make_renderer
 from moveit6d.datasets.catalog import open_dataset, stand_in
-from moveit6d.datasets.files import PoseRow
-from moveit6d.evaluation.tracking import Surface, frame_errors, score
-from moveit6d.synthesis.demo_object import demo_object
-from moveit6d.synthesis.stand_ins import Making, write_laval_stand_in
+from moveit6d.datasets.pose_files import PoseRow
+from moveit6d.evaluation.track_scores import Surface, frame_errors, score
+from moveit6d.synthesis.objects.demo_object import demo_object
+from moveit6d.synthesis.sequences.surrogate_datasets import Making, write_laval_stand_in
 from moveit6d.visualization.report import Run, write_report
 
 

@@ -24,8 +24,8 @@ from torch import Tensor
 from moveit6d import InputError, Mesh, Pose, PoseTracker, load_policy, make_renderer
 from moveit6d.geometry.crop import PATCH_SIZE, look_at
 from moveit6d.rendering.renderer import GBuffer, Renderer, check_batch, gather
-from moveit6d.synthesis.demo_object import demo_object
-from moveit6d.synthesis.sequence import Scene
+from moveit6d.synthesis.objects.demo_object import demo_object
+from moveit6d.synthesis.sequences.sequence import Scene
 
 Float = NDArray[np.float64]
 

@@ -30,10 +30,10 @@ from moveit6d.datasets.bop import (
 )
 from moveit6d.datasets.bop_writer import BopImage, write_bop
 from moveit6d.estimation import Target, refine_single
-from moveit6d.evaluation.bop import results_table, score_results, targets_of
+from moveit6d.evaluation.bop.add_recall import results_table, score_results, targets_of
 from moveit6d.geometry.rotation import exp_so3
-from moveit6d.synthesis.demo_object import demo_object
-from moveit6d.synthesis.sequence import Scene
+from moveit6d.synthesis.objects.demo_object import demo_object
+from moveit6d.synthesis.sequences.sequence import Scene
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from moveit6d import InputError, Mesh, PoseTracker
-from moveit6d.datasets.files import read_camera, read_pose
+from moveit6d.datasets.pose_files import read_camera, read_pose
 from moveit6d.datasets.video import open_frames
 
 
@@ -47,8 +47,8 @@ def main(files: list[str], frames: int = 30) -> None:
         mesh, video, camera, start = map(Path, files)
         track(mesh, video, camera, start)
         return
-    from moveit6d.synthesis.demo_object import demo_object
-    from moveit6d.synthesis.sequence import write_sequence
+    from moveit6d.synthesis.objects.demo_object import demo_object
+    from moveit6d.synthesis.sequences.sequence import write_sequence
 
     with TemporaryDirectory() as place:
         clip = Path(place) / "clip"

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from moveit6d import Camera, InputError, Mesh, Pose
 from moveit6d.cli.main import main as moveit6d
-from moveit6d.datasets.files import (
+from moveit6d.datasets.pose_files import (
     POSE_COLUMNS,
     PoseRow,
     read_poses,
@@ -33,9 +33,9 @@ from moveit6d.datasets.files import (
     write_pose,
     write_poses,
 )
-from moveit6d.evaluation.tracking import Surface, score
+from moveit6d.evaluation.track_scores import Surface, score
 from moveit6d.geometry.rotation import exp_so3
-from moveit6d.synthesis.mesh_file import write_glb
+from moveit6d.synthesis.objects.mesh_file import write_glb
 
 TILE = 128  # pixels of texture a side of the cube
 GREY = 150  # sides that the first frame does not show

@@ -19,9 +19,9 @@ from pathlib import Path
 from lightning_modules.cli import main as fit
 from moveit6d import InputError, Mesh, PoseTracker, load_policy
 from moveit6d.policies import SHIPPED_WEIGHTS
-from moveit6d.synthesis.demo_object import demo_object
-from moveit6d.synthesis.mesh_file import write_glb
-from moveit6d.synthesis.sequence import Scene
+from moveit6d.synthesis.objects.demo_object import demo_object
+from moveit6d.synthesis.objects.mesh_file import write_glb
+from moveit6d.synthesis.sequences.sequence import Scene
 
 CONFIG = Path(__file__).parents[1] / "configs" / "fit" / "my_object.yaml"
 

@@ -23,7 +23,7 @@ from moveit6d.networks.least_squares import (
     slanted,
     surface_points,
 )
-from moveit6d.synthesis.pairs import TrainingBatch
+from moveit6d.synthesis.training.pairs import TrainingBatch
 
 FARTHEST = 45.0  # pixels; cells that moved farther teach nothing
 RIGHT = 0.10  # mean point error in diameters under which a pose counts as right, as ADD < 10 % d

@@ -22,9 +22,9 @@ from moveit6d.errors import InputError
 from moveit6d.networks.inference import InferenceNetwork
 from moveit6d.networks.weights_file import WEIGHTS_NAME, load_network
 from moveit6d.observation import Observation
-from moveit6d.synthesis.pairs import PairConfig, TrainingBatch
-from moveit6d.synthesis.shards import shard_stream
-from moveit6d.synthesis.source import PairSource, mesh_files
+from moveit6d.synthesis.training.pairs import PairConfig, TrainingBatch
+from moveit6d.synthesis.training.shards import shard_stream
+from moveit6d.synthesis.training.source import PairSource, mesh_files
 
 
 @dataclass(frozen=True)

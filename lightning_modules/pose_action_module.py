@@ -19,7 +19,7 @@ from moveit6d.errors import InputError
 from moveit6d.networks.action_net import ActionNet
 from moveit6d.networks.correlation import CorrelationNet
 from moveit6d.networks.weights_file import begin_from, load_network, save_network
-from moveit6d.synthesis.pairs import TrainingBatch
+from moveit6d.synthesis.training.pairs import TrainingBatch
 
 from .losses import LossWeights, action_loss, correlation_losses, is_right, point_error
 

@@ -12,7 +12,13 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from moveit6d.datasets.files import POSE_COLUMNS, PoseRow, write_camera, write_pose, write_poses
+from moveit6d.datasets.pose_files import (
+    POSE_COLUMNS,
+    PoseRow,
+    write_camera,
+    write_pose,
+    write_poses,
+)
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose

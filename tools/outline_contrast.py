@@ -20,7 +20,7 @@ import torch
 
 from moveit6d.datasets.bop import BopDataset, Estimate, by_image, read_results
 from moveit6d.estimation.frame import Frame, prepare_frame
-from moveit6d.evaluation.bop import score_results, targets_of
+from moveit6d.evaluation.bop.add_recall import score_results, targets_of
 from moveit6d.evaluation.tables import markdown, percent
 from moveit6d.geometry.crop import View, crop_patch, look_at
 from moveit6d.geometry.mesh import Mesh

@@ -14,7 +14,7 @@ LIGHTNING = ROOT / "lightning_modules"
 
 # From the bottom up; a room may import from lower floors and from its own floor.
 FLOORS = (
-    ("errors",),
+    ("errors", "io", "parallel"),
     ("geometry",),
     ("actions",),
     ("rendering",),
@@ -30,11 +30,9 @@ FLOORS = (
 FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 MODULES = sorted([*LIBRARY.rglob("*.py"), *LIGHTNING.rglob("*.py")])
 SLOW_IMPORTS = {
-    "cv2", "pyrender", "matplotlib", "pytorch_lightning", "av", "torchmetrics", "ray", "rerun",
+    "cv2", "pyrender", "matplotlib", "pytorch_lightning", "av", "ray", "rerun",
     "jinja2",
 }  # fmt: skip
-# Made of classes of a slow package, and imported only where those are wanted.
-SLOW_BY_NATURE = {"moveit6d.evaluation.accumulate": {"torchmetrics"}}
 
 
 def module_name(path: Path, root: Path = ROOT) -> str:
@@ -132,7 +130,6 @@ def test_slow_packages_are_imported_where_they_are_used(path: Path) -> None:
     source, name = path.read_text(encoding="utf-8"), module_name(path)
     loaded = imports(source, name, path.name == "__init__.py")
     heavy = {module.split(".")[0] for module, at_load in loaded if at_load} & SLOW_IMPORTS
-    heavy -= SLOW_BY_NATURE.get(name, set())
     assert not heavy, f"import {heavy} inside the functions that need it"
 
 

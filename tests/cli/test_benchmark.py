@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from moveit6d.cli.main import main
-from moveit6d.datasets.files import PoseRow, read_poses, write_pose, write_poses
+from moveit6d.datasets.pose_files import PoseRow, read_poses, write_pose, write_poses
 from moveit6d.estimation import PoseTracker
 from moveit6d.geometry.pose import Pose
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet

@@ -10,9 +10,9 @@ import torch
 from moveit6d.actions import ActionSpace
 from moveit6d.cli.demo import verdict
 from moveit6d.cli.main import main
-from moveit6d.datasets.files import read_poses
+from moveit6d.datasets.pose_files import read_poses
 from moveit6d.datasets.sequences import read_sequences
-from moveit6d.evaluation.tracking import Score
+from moveit6d.evaluation.track_scores import Score
 from moveit6d.geometry.crop import Crop
 from moveit6d.networks.decision import Decision
 from moveit6d.observation import Observation

@@ -12,7 +12,7 @@ import torch
 from moveit6d.cli.main import main
 from moveit6d.datasets.bop import Estimate, Instance, write_results
 from moveit6d.datasets.bop_writer import BopImage, write_bop
-from moveit6d.evaluation.keyframes import Keyframes, write_keyframe_poses
+from moveit6d.evaluation.ycbv.keyframes import Keyframes, write_keyframe_poses
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from moveit6d.cli.main import main
-from moveit6d.synthesis.shards import open_shards, read_shard
+from moveit6d.synthesis.training.shards import open_shards, read_shard
 from tests.support.pairs import CONFIGS, photos
 
 pytestmark = pytest.mark.filterwarnings("ignore")

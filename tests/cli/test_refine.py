@@ -221,7 +221,7 @@ def test_workers_refine_the_same(
     """Everything a worker needs is in what it is sent; that workers work is tests/…/test_jobs."""
     import pickle
 
-    from moveit6d.evaluation import jobs
+    from moveit6d import parallel
     from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
     from moveit6d.networks.weights_file import save_network
 
@@ -237,9 +237,9 @@ def test_workers_refine_the_same(
         for index in reversed(range(len(items))):  # workers end in any order
             sent.append(count)
             far_work, item = pickle.loads(pickle.dumps((work, items[index])))
-            yield jobs.Outcome(index, far_work(item))
+            yield parallel.Outcome(index, far_work(item))
 
-    monkeypatch.setattr(jobs, "_beside", beside)
+    monkeypatch.setattr(parallel, "_beside", beside)
     assert command(rows, *options, "--jobs", "2") == 0
     assert sent == [2, 2, 2]
     for one, two in zip(alone, read_results(tmp_path / "refined.csv"), strict=True):

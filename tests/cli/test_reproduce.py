@@ -15,8 +15,8 @@ import torch
 
 from moveit6d.cli.main import main
 from moveit6d.cli.reproduce import RUNS
-from moveit6d.datasets.files import read_pose, write_camera
 from moveit6d.datasets.laval import write_laval_sequence
+from moveit6d.datasets.pose_files import read_pose, write_camera
 from moveit6d.datasets.ycbv import write_ycbv_scene
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import MoveMode, OraclePolicy

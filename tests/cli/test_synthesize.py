@@ -23,7 +23,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Path, dict[str, Any]]]:
         calls.append((folder, options))
         on_frame(0)
 
-    monkeypatch.setattr("moveit6d.synthesis.sequence.write_sequence", record)
+    monkeypatch.setattr("moveit6d.synthesis.sequences.sequence.write_sequence", record)
     return calls
 
 
@@ -60,7 +60,8 @@ def stand_ins(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     calls: list[tuple[Any, ...]] = []
     for name in ("write_laval_stand_in", "write_ycbv_stand_in"):
         monkeypatch.setattr(
-            f"moveit6d.synthesis.stand_ins.{name}", lambda *asked, name=name: calls.append(asked)
+            f"moveit6d.synthesis.sequences.surrogate_datasets.{name}",
+            lambda *asked, name=name: calls.append(asked),
         )
     return calls
 

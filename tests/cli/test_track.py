@@ -16,7 +16,7 @@ import torch
 from PIL import Image
 
 from moveit6d.cli.main import main
-from moveit6d.datasets.files import TRACK_COLUMNS, read_poses, write_pose
+from moveit6d.datasets.pose_files import TRACK_COLUMNS, read_poses, write_pose
 from moveit6d.evaluation.metrics import add
 from moveit6d.geometry.pose import Pose
 

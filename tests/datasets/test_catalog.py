@@ -12,11 +12,11 @@ from moveit6d.datasets import open_dataset
 from moveit6d.datasets.bop import Instance
 from moveit6d.datasets.bop_writer import BopImage, write_bop
 from moveit6d.datasets.catalog import FORMATS, STAND_IN, recognise, stand_in
-from moveit6d.datasets.files import write_json
 from moveit6d.datasets.laval import write_laval_sequence
 from moveit6d.datasets.rbot import write_rbot
 from moveit6d.datasets.ycbv import write_ycbv_scene
 from moveit6d.errors import InputError
+from moveit6d.io import write_json
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 
-from moveit6d.datasets.files import PoseRow, read_poses, write_pose, write_poses
+from moveit6d.datasets.pose_files import PoseRow, read_poses, write_pose, write_poses
 from moveit6d.datasets.sequences import Sequence, read_sequence, read_sequences
 from moveit6d.datasets.video import open_frames
 from moveit6d.errors import InputError

@@ -20,7 +20,7 @@ from moveit6d.networks.decision import Decision
 from moveit6d.observation import Observation
 from moveit6d.policies import MoveMode, OraclePolicy, Situation
 from moveit6d.rendering.renderer import Renderer, make_renderer
-from moveit6d.synthesis.clusters import ClusterConfig, draw_counts
+from moveit6d.synthesis.training.clusters import ClusterConfig, draw_counts
 
 CAMERA = Camera(600, 600, 319.5, 239.5, 640, 480)
 IMAGE = np.random.default_rng(0).integers(0, 255, (480, 640, 3), dtype=np.uint8)

@@ -10,7 +10,7 @@ import pytest
 import torch
 from PIL import Image
 
-from moveit6d.datasets.files import PoseRow, read_poses, write_poses
+from moveit6d.datasets.pose_files import PoseRow, read_poses, write_poses
 from moveit6d.datasets.sequences import read_sequence, read_sequences
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseTracker, TrackingResult

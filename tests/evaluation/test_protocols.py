@@ -23,7 +23,7 @@ from moveit6d.evaluation.protocols import (
     is_given,
     laval_protocol,
 )
-from moveit6d.evaluation.rollout import Step
+from moveit6d.evaluation.run_tracker import Step
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3
 

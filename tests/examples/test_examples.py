@@ -22,10 +22,10 @@ from moveit6d.networks.action_net import ActionNet
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
 from moveit6d.networks.inference import InferenceNetwork
 from moveit6d.networks.weights_file import load_network, save_network
-from moveit6d.synthesis.levels import Level
-from moveit6d.synthesis.primitives import box
-from moveit6d.synthesis.sequence import Scene, write_sequence
-from moveit6d.synthesis.textures import paint, random_palette
+from moveit6d.synthesis.objects.primitives import box
+from moveit6d.synthesis.objects.textures import paint, random_palette
+from moveit6d.synthesis.sequences.difficulty import Level
+from moveit6d.synthesis.sequences.sequence import Scene, write_sequence
 from tests.support.observations import an_observation
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -164,7 +164,7 @@ def test_your_video_example_runs(
 ) -> None:  # fmt: skip
     import track_my_video
 
-    from moveit6d.datasets.files import read_pose
+    from moveit6d.datasets.pose_files import read_pose
     from moveit6d.policies import OraclePolicy
 
     folder = write_sequence(tmp_path / "clip", mesh=brick, seed=1, frames=2, level="easy")

@@ -15,10 +15,10 @@ from PIL import Image
 from lightning_modules.cli import read_data
 from lightning_modules.pose_action_module import PoseActionModule
 from moveit6d.networks.action_net import ActionConfig, ActionNet
-from moveit6d.synthesis.augment import AugmentConfig
-from moveit6d.synthesis.lighting import LightConfig
-from moveit6d.synthesis.occluder_bank import BankConfig
-from moveit6d.synthesis.pairs import PairConfig
+from moveit6d.synthesis.augmentation.augment import AugmentConfig
+from moveit6d.synthesis.augmentation.lighting import LightConfig
+from moveit6d.synthesis.augmentation.occluder_bank import BankConfig
+from moveit6d.synthesis.training.pairs import PairConfig
 from tests.support.pairs import CONFIGS, photos, preset
 
 ROOT = CONFIGS.parent

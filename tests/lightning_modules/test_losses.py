@@ -16,9 +16,9 @@ from lightning_modules.losses import (
     point_error,
 )
 from moveit6d.networks.correlation import CorrelationNet
-from moveit6d.synthesis.backgrounds import procedural_photo
-from moveit6d.synthesis.pairs import PairConfig, PairGenerator, TrainingBatch
-from moveit6d.synthesis.shapes import random_object
+from moveit6d.synthesis.augmentation.backgrounds import procedural_photo
+from moveit6d.synthesis.objects.shapes import random_object
+from moveit6d.synthesis.training.pairs import PairConfig, PairGenerator, TrainingBatch
 
 
 @pytest.fixture(scope="module")

@@ -23,8 +23,8 @@ from moveit6d.geometry.mesh import Mesh
 from moveit6d.networks.action_net import ActionConfig, ActionNet
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
 from moveit6d.networks.weights_file import save_network
-from moveit6d.synthesis.shards import ShardPlan, ShardWriter
-from moveit6d.synthesis.source import PairSource
+from moveit6d.synthesis.training.shards import ShardPlan, ShardWriter
+from moveit6d.synthesis.training.source import PairSource
 from tests.support.pairs import small_source
 
 TINY = CorrelationConfig(channels=(4, 6, 8), geometry=(4, 4, 4), context=8, decoder=8, fine=8)

@@ -11,11 +11,11 @@ from jsonargparse import ArgumentParser
 from PIL import Image
 
 from moveit6d.geometry.mesh import Mesh
-from moveit6d.synthesis.augment import Dice
-from moveit6d.synthesis.backgrounds import procedural_photo
-from moveit6d.synthesis.pairs import PairConfig
-from moveit6d.synthesis.shapes import random_object
-from moveit6d.synthesis.source import PairSource
+from moveit6d.synthesis.augmentation.augment import Dice
+from moveit6d.synthesis.augmentation.backgrounds import procedural_photo
+from moveit6d.synthesis.objects.shapes import random_object
+from moveit6d.synthesis.training.pairs import PairConfig
+from moveit6d.synthesis.training.source import PairSource
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

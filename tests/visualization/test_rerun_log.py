@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from moveit6d.datasets.files import PoseRow
+from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.video import Frame
 from moveit6d.errors import InputError
 from moveit6d.visualization.rerun_log import RerunLog

@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ..synthesis.clusters import CLUSTERS
+from ..synthesis.training.clusters import CLUSTERS
 from . import benchmark_tracking
 from .common import (
     add_beyond_paper_options,
@@ -107,10 +107,10 @@ def cycle(args: argparse.Namespace) -> int:
     """Time the parts of one cycle."""
     import torch
 
-    from ..evaluation.cycle import WARM_UP, time_cycle
+    from ..evaluation.iteration_timing import WARM_UP, time_cycle
     from ..evaluation.tables import plain
     from ..geometry.mesh import Mesh
-    from ..synthesis.demo_object import demo_object
+    from ..synthesis.objects.demo_object import demo_object
 
     mesh = demo_object() if args.mesh is None else Mesh.load(args.mesh, args.mesh_unit)
     policy, renderer = set_up(args)
@@ -132,10 +132,10 @@ def rendered(args: argparse.Namespace) -> int:
 
     from ..errors import InputError
     from ..evaluation.metrics import ADD_LIMIT, auroc
-    from ..evaluation.rendered import make_cases, run_cases
+    from ..evaluation.synthetic_refinement import make_cases, run_cases
     from ..evaluation.tables import plain
     from ..geometry.mesh import Mesh
-    from ..synthesis.photos import load_photos
+    from ..synthesis.augmentation.photos import load_photos
 
     paths = sorted(p for p in args.objects.glob("*") if p.suffix in (".glb", ".ply", ".obj"))
     if not paths:
@@ -179,7 +179,7 @@ def oracle(args: argparse.Namespace) -> int:
     from ..evaluation.tables import plain
     from ..policies import MoveMode
     from ..rendering.renderer import make_renderer
-    from ..synthesis.shapes import random_object
+    from ..synthesis.objects.shapes import random_object
 
     use_threads(args.threads)
     renderer = make_renderer(args.renderer)

@@ -28,8 +28,8 @@ from .common import (
 
 if TYPE_CHECKING:
     from ..datasets.sequences import Sequence
-    from ..evaluation.jobs import Outcome
-    from ..evaluation.tracking import Score
+    from ..evaluation.track_scores import Score
+    from ..parallel import Outcome
     from ..policies import Policy
     from ..rendering.renderer import Renderer
     from .sequence_job import SequenceJob, Tracked
@@ -220,7 +220,7 @@ class Bench:
 
     def show(self, trackers: dict[str, dict[str, Score]]) -> None:
         """Print the tables, and write the page that leads to the others."""
-        from ..evaluation.tracking import comparison_table, tracking_table
+        from ..evaluation.track_scores import comparison_table, tracking_table
 
         names = [job.sequence.name for job in self.jobs]
         ours = {name: self.scores[name] for name in names if name in self.scores}
@@ -235,7 +235,7 @@ class Bench:
             self._index("\n\n".join(tables), ours)
 
     def _outcomes(self, jobs: list[SequenceJob]) -> Iterator[Outcome[Tracked]]:
-        from ..evaluation.jobs import run_jobs
+        from ..parallel import run_jobs
         from . import sequence_job
 
         if self.args.ray is None and self.args.jobs == 1:
@@ -252,8 +252,9 @@ class Bench:
 
     def _finish(self, job: SequenceJob, found: Tracked) -> None:
         """Score a track and write what is kept of it, last the mark that it is whole."""
-        from ..datasets.files import replacing, write_json, write_poses
+        from ..datasets.pose_files import write_poses
         from ..evaluation.benchmark import OWN_COLUMNS, score_track
+        from ..io import replacing, write_json
 
         name = job.sequence.name
         score = score_track(job.sequence, found.rows, job.count_resets)
@@ -276,8 +277,8 @@ class Bench:
 
     def _kept(self, job: SequenceJob) -> Tracked | None:
         """The track that --output holds already, if it is whole and was made the same way."""
-        from ..datasets.files import read_json
-        from ..evaluation.tracking import read_track
+        from ..evaluation.track_scores import read_track
+        from ..io import read_json
         from .reporting import Gathered
         from .sequence_job import Tracked, page_of
 
@@ -321,8 +322,8 @@ class Bench:
         """The page that leads to those of the sequences, the worst first."""
         from urllib.parse import quote
 
-        from ..datasets.files import replacing
         from ..evaluation.tables import percent
+        from ..io import replacing
         from ..visualization.report import index_page
 
         order = sorted(ours, key=lambda name: (ours[name].below_10, -ours[name].mean_add))

@@ -19,7 +19,7 @@ from .. import __version__
 from ..errors import InputError
 
 if TYPE_CHECKING:
-    from ..evaluation.rollout import Step
+    from ..evaluation.run_tracker import Step
     from ..networks.inference import Compute
     from ..policies import Policy
     from ..rendering.renderer import Renderer

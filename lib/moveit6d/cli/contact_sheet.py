@@ -83,8 +83,8 @@ def run(args: argparse.Namespace) -> int:
     import numpy as np
     from PIL import Image
 
-    from ..datasets.files import replacing
-    from ..synthesis.contact_sheet import contact_sheet
+    from ..io import replacing
+    from ..synthesis.training.contact_sheet import contact_sheet
 
     use_threads(1)
     source = data_of(args).source()

@@ -20,7 +20,7 @@ from .common import (
 from .synthesize import LEVELS
 
 if TYPE_CHECKING:
-    from ..evaluation.tracking import Score
+    from ..evaluation.track_scores import Score
 
 DESCRIPTION = """\
 The clip is made on the spot: a toy robot in hand-like motion, with motion blur, changing light, a
@@ -63,9 +63,9 @@ def add_parser(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Make, follow, score."""
     from ..datasets.sequences import read_sequence
-    from ..evaluation.tracking import Surface, read_track, score
-    from ..synthesis.demo_object import demo_object
-    from ..synthesis.sequence import write_sequence
+    from ..evaluation.track_scores import Surface, read_track, score
+    from ..synthesis.objects.demo_object import demo_object
+    from ..synthesis.sequences.sequence import write_sequence
     from . import track
 
     folder = new_folder(args.output) / "sequence"

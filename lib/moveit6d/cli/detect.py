@@ -67,10 +67,11 @@ def run(args: argparse.Namespace) -> int:
     """Detect and write."""
     from PIL import Image
 
-    from ..datasets.files import read_camera, replacing, write_json, write_pose
+    from ..datasets.pose_files import read_camera, write_pose
     from ..datasets.video import ImageList
     from ..estimation import PoseDetector, SearchConfig
     from ..geometry.mesh import Mesh
+    from ..io import replacing, write_json
     from ..visualization.overlay import draw_pose
 
     mesh, camera = Mesh.load(args.mesh, args.mesh_unit), read_camera(args.camera)

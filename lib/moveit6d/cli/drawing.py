@@ -6,7 +6,7 @@ Never decides what is drawn how; `visualization` does.
 from __future__ import annotations
 
 from ..datasets.video import Image
-from ..evaluation.rollout import Step
+from ..evaluation.run_tracker import Step
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..rendering.renderer import Renderer

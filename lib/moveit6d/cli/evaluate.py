@@ -156,7 +156,7 @@ def tracking(args: argparse.Namespace) -> int:
     """Print a table for each of the results."""
     from ..datasets import open_dataset
     from ..evaluation.benchmark import score_results
-    from ..evaluation.tracking import tracking_table
+    from ..evaluation.track_scores import tracking_table
 
     sequences = open_dataset(args.sequences, args.format)
     levels = {sequence.name: sequence.level for sequence in sequences}
@@ -174,7 +174,7 @@ def tracking(args: argparse.Namespace) -> int:
 def bop(args: argparse.Namespace) -> int:
     """Print one table, a row a file."""
     from ..datasets.bop import BopDataset, read_results
-    from ..evaluation.bop import results_table, score_results, targets_of
+    from ..evaluation.bop.add_recall import results_table, score_results, targets_of
 
     use_threads(1)  # many small steps: more threads only wait for each other
     dataset = BopDataset(args.dataset, args.split)
@@ -191,7 +191,7 @@ def bop(args: argparse.Namespace) -> int:
 def _average_recalls(
     dataset: BopDataset, files: Sequence[tuple[str, list[Estimate]]], args: argparse.Namespace
 ) -> str:
-    from ..evaluation.bop19 import bop19_table, has_depth, score_bop19, targets_of
+    from ..evaluation.bop.bop19 import bop19_table, has_depth, score_bop19, targets_of
     from ..rendering.renderer import make_renderer
 
     targets = targets_of(dataset, args.targets)
@@ -209,8 +209,8 @@ def _average_recalls(
 def ycbv(args: argparse.Namespace) -> int:
     """Print one table, a row a method, and one by object."""
     from ..datasets.ycbv import SYMMETRIC
-    from ..evaluation import auc
-    from ..evaluation.keyframes import (
+    from ..evaluation.metrics import auc
+    from ..evaluation.ycbv.keyframes import (
         keyframe_errors,
         keyframes_table,
         objects_table,

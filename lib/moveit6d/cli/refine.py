@@ -84,7 +84,7 @@ def add_parser(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Refine image by image and write what was done, after Ctrl-C too."""
     from ..datasets.bop import BopDataset, by_image, read_results, write_results
-    from ..evaluation.jobs import run_jobs
+    from ..parallel import run_jobs
 
     dataset = BopDataset(args.dataset, args.split)
     initial = read_results(args.initial)

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 
 if TYPE_CHECKING:
-    from ..datasets.files import PoseRow
+    from ..datasets.pose_files import PoseRow
     from ..datasets.sequences import Sequence
     from ..datasets.video import FrameSource
-    from ..evaluation.rollout import Step
-    from ..evaluation.tracking import Score
+    from ..evaluation.run_tracker import Step
+    from ..evaluation.track_scores import Score
     from ..geometry.camera import Camera
     from ..geometry.mesh import Mesh
     from ..geometry.pose import Pose
@@ -103,7 +103,7 @@ def sequence_page(
 ) -> str:
     """The page of one sequence; errors are against `truth`, the first of which is not counted."""
     from ..estimation.hypotheses import DOUBTFUL
-    from ..evaluation.tracking import Surface, frame_errors
+    from ..evaluation.track_scores import Surface, frame_errors
     from ..visualization.report import Run, report_page
 
     mesh = sequence.load_mesh()

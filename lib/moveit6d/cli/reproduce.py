@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ..datasets.sequences import Sequence
     from ..evaluation.reproduce.outcome import Outcome
     from ..evaluation.reproduce.tracks import Track
-    from ..evaluation.rollout import Step
+    from ..evaluation.run_tracker import Step
     from ..policies import Policy
     from ..rendering.renderer import Renderer
 
@@ -194,14 +194,14 @@ def _ycb(args: argparse.Namespace) -> Outcome:
 
 
 def _laval(args: argparse.Namespace) -> Outcome:
-    from ..evaluation import paper
     from ..evaluation.reproduce import laval
+    from ..evaluation.reproduce import published_figures as published
 
     videos, data = _opened(args)
     videos = laval.occlusion_videos(videos)
-    weights = {paper.LAVAL_MODELS[0]: (args.weights, "tracks")}
+    weights = {published.LAVAL_MODELS[0]: (args.weights, "tracks")}
     if args.no_depth_weights is not None:
-        weights[paper.LAVAL_MODELS[1]] = (args.no_depth_weights, "tracks_no_depth")
+        weights[published.LAVAL_MODELS[1]] = (args.no_depth_weights, "tracks_no_depth")
     models: dict[str, laval.Figures] = {}
     facts: dict[str, Any] = {}
     for model, (file, place) in weights.items():
@@ -233,9 +233,9 @@ def _convergence(args: argparse.Namespace) -> Outcome:
 
 
 def _runtime(args: argparse.Namespace) -> Outcome:
-    from ..evaluation.cycle import WARM_UP, time_cycle
+    from ..evaluation.iteration_timing import WARM_UP, time_cycle
     from ..evaluation.reproduce import runtime
-    from ..synthesis.demo_object import demo_object
+    from ..synthesis.objects.demo_object import demo_object
 
     tracks: list[Track] = []
     data = "stand-in (an object made by the library)"

@@ -15,10 +15,10 @@ from .common import Setting, complaining, progress, tools
 from .reporting import Gathered, rerun_log, sequence_page
 
 if TYPE_CHECKING:
-    from ..datasets.files import PoseRow
+    from ..datasets.pose_files import PoseRow
     from ..datasets.sequences import Sequence
     from ..evaluation.protocols import Protocol
-    from ..evaluation.rollout import Step
+    from ..evaluation.run_tracker import Step
     from ..policies import Policy
     from ..rendering.renderer import Renderer
 

@@ -106,7 +106,7 @@ def make_folder(
     args: argparse.Namespace, folder: Path, number: int, photos: list[Image] | None
 ) -> None:
     """Make one sequence folder, of the given meshes in turn."""
-    from ..synthesis.sequence import write_sequence
+    from ..synthesis.sequences.sequence import write_sequence
 
     seed = args.seed + number
     mesh = _mesh(args, number % len(args.mesh) if args.mesh else seed)
@@ -124,28 +124,28 @@ def make_folder(
 
 def make_stand_in(args: argparse.Namespace, photos: list[Image] | None) -> None:
     """Make a whole data set in the format of a published one."""
-    from ..synthesis import stand_ins
+    from ..synthesis.sequences import surrogate_datasets
 
     count = len(args.mesh) if args.mesh else MADE_OBJECTS
     objects: dict[str, Mesh] = {}
     for number in range(count):
         mesh = _mesh(args, number if args.mesh else args.seed + number)
-        name = stand_ins.object_name(mesh)
+        name = surrogate_datasets.object_name(mesh)
         objects[name if name not in objects else f"{name}_{number}"] = mesh
-    levels = args.occlusion if args.occlusion is not None else stand_ins.OCCLUSIONS
+    levels = args.occlusion if args.occlusion is not None else surrogate_datasets.OCCLUSIONS
     laval = args.format == "laval"
-    sequences = count * len(stand_ins.laval_kinds(levels)) if laval else args.count
+    sequences = count * len(surrogate_datasets.laval_kinds(levels)) if laval else args.count
     with progress_bar(args.frames * sequences, args.format) as bar:
-        making = stand_ins.Making(
+        making = surrogate_datasets.Making(
             args.frames, args.level, args.seed, photos, on_frame=lambda *_: bar.update()
         )
         if laval:
-            stand_ins.write_laval_stand_in(args.output, objects, making, levels)
+            surrogate_datasets.write_laval_stand_in(args.output, objects, making, levels)
         else:
             # Another object in the middle of every scene.
             turns = [[*objects][k % count :] + [*objects][: k % count] for k in range(args.count)]
             scenes = [{name: objects[name] for name in names} for names in turns]
-            stand_ins.write_ycbv_stand_in(args.output, scenes, making)
+            surrogate_datasets.write_ycbv_stand_in(args.output, scenes, making)
 
 
 def _mesh(args: argparse.Namespace, number: int) -> Mesh:
@@ -153,7 +153,7 @@ def _mesh(args: argparse.Namespace, number: int) -> Mesh:
     import numpy as np
 
     from ..geometry.mesh import Mesh
-    from ..synthesis.shapes import random_object
+    from ..synthesis.objects.shapes import random_object
 
     if args.mesh:
         return Mesh.load(args.mesh[number], args.mesh_unit)

@@ -27,7 +27,7 @@ from .common import (
 from .reporting import check_report, reporting, rerun_log
 
 if TYPE_CHECKING:
-    from ..evaluation.rollout import Record
+    from ..evaluation.run_tracker import Record
 
 DESCRIPTION = """\
 Finds the pose in every frame, each starting from the one before; the first frame starts from
@@ -98,10 +98,10 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Track and write."""
-    from ..datasets.files import PoseWriter, read_camera, read_pose
+    from ..datasets.pose_files import PoseWriter, read_camera, read_pose
     from ..datasets.video import LiveCamera, Prefetched, open_frames
     from ..estimation import PoseTracker
-    from ..evaluation.rollout import Record, follow, learning
+    from ..evaluation.run_tracker import Record, follow, learning
     from ..geometry.mesh import Mesh
     from .drawing import draw_step
 
@@ -150,7 +150,7 @@ def _about(args: argparse.Namespace) -> dict[str, str]:
 @contextmanager
 def _summary(path: Path, record: Record, args: argparse.Namespace) -> Iterator[None]:
     """Write the summary when the block ends, however it ends, if there was a frame."""
-    from ..datasets.files import write_json
+    from ..io import write_json
 
     interrupted = False
     try:

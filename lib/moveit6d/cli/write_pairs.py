@@ -58,8 +58,8 @@ def part(text: str) -> tuple[int, int]:
 
 def run(args: argparse.Namespace) -> int:
     """Write the shards of this part that are missing."""
-    from ..evaluation.jobs import run_jobs
-    from ..synthesis.shards import ShardPlan, ShardWriter, write_shard
+    from ..parallel import run_jobs
+    from ..synthesis.training.shards import ShardPlan, ShardWriter, write_shard
 
     data = data_of(args)
     plan = ShardPlan(args.shards, args.batches, data.batch_size, args.seed)

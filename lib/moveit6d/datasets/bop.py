@@ -24,7 +24,7 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.symmetry import Symmetries
-from .files import read_json, read_json_list, replacing
+from ..io import read_json, read_json_list, replacing
 from .video import Image, read_image
 
 RESULT_HEADER = ("scene_id", "im_id", "obj_id", "score", "R", "t", "time")

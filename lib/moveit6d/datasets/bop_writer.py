@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
+from ..io import replacing, write_json
 from .bop import TARGETS, Instance
-from .files import replacing, write_json
-from .surfaces import write_ply
+from .mesh_writers import write_ply
 from .video import Image
 
 LEAST_VISIBLE = 0.1  # instances that are seen less are no targets (enumerate_test_targets.py)

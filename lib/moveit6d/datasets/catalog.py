@@ -9,8 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ..errors import InputError
+from ..io import read_json
 from . import bop_sequences, laval, rbot, sequences, ycbv
-from .files import read_json
 from .sequences import Sequence
 
 # What a folder made by this library says of itself: never the real data set's name alone.

@@ -26,9 +26,9 @@ from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from .files import read_json, replacing, replacing_folder, write_json
+from ..io import read_json, replacing, replacing_folder, write_json
+from .mesh_writers import write_ply
 from .sequences import Sequence
-from .surfaces import write_ply
 from .video import Image
 
 OBJECTS = (

@@ -21,9 +21,9 @@ from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from .files import replacing
+from ..io import replacing
+from .mesh_writers import write_obj
 from .sequences import Sequence
-from .surfaces import write_obj
 from .video import Image
 
 VARIANTS = ("a_regular", "b_dynamiclight", "c_noisy", "d_occlusion")

@@ -18,7 +18,7 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.symmetry import Symmetries
-from .files import PoseRow, by_frame, read_camera, read_pose, read_poses
+from .pose_files import PoseRow, by_frame, read_camera, read_pose, read_poses
 from .video import FrameSource, ImageList, Prefetched, open_frames
 
 MESH_NAMES = tuple(

@@ -23,9 +23,9 @@ from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from .files import replacing, replacing_folder
+from ..io import replacing, replacing_folder
+from .mesh_writers import write_obj
 from .sequences import Sequence
-from .surfaces import write_obj
 from .video import Image
 
 OBJECTS = (

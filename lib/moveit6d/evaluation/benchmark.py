@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..datasets.files import RESULT_COLUMNS, PoseRow, PoseWriter
+from ..datasets.pose_files import RESULT_COLUMNS, PoseRow, PoseWriter
 from ..datasets.sequences import Sequence
 from ..datasets.video import Frame
 from ..errors import InputError
@@ -20,8 +20,8 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from .protocols import NO_RESET, Protocol, follow_protocol, is_given
-from .rollout import Step, learning
-from .tracking import Score, Surface, read_track, score
+from .run_tracker import Step, learning
+from .track_scores import Score, Surface, read_track, score
 
 if TYPE_CHECKING:
     from ..estimation import PoseTracker

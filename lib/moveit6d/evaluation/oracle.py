@@ -17,8 +17,8 @@ from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
 from ..policies import MoveMode, OraclePolicy
 from ..rendering.renderer import Renderer
-from ..synthesis.clusters import ClusterConfig, draw_counts
-from .plain_camera import CAMERA
+from ..synthesis.training.clusters import ClusterConfig, draw_counts
+from .default_camera import CAMERA
 
 MAX_STEPS = 200  # the largest start is 135 single steps away
 BATCH = 25

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
-from ..datasets.files import RESULT_COLUMNS, PoseRow
+from ..datasets.pose_files import RESULT_COLUMNS, PoseRow
 from ..datasets.video import Frame
 from ..errors import InputError
 from ..geometry.pose import Pose
@@ -23,7 +23,7 @@ from .metrics import (
     translation_error,
     within,
 )
-from .rollout import Step, follow
+from .run_tracker import Step, follow
 
 if TYPE_CHECKING:
     from ..estimation import PoseTracker

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..datasets.files import replacing
 from ..evaluation.reproduce.outcome import BarChart, Chart, LineChart, Panel, Sheet
+from ..io import replacing
 
 KINDS = ("png", "svg")
 DOTS_AN_INCH = 130

@@ -13,16 +13,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..datasets.files import PoseRow, replacing
+from ..datasets.pose_files import PoseRow
 from ..datasets.video import FrameSource
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..io import replacing
 from ..rendering.renderer import Renderer
-from . import page
+from . import html_template
 from .curves import Curves, curves_svg, limits
-from .strips import Look, as_data, draw, evenly, fetch, near, worst
+from .snapshots import Look, as_data, draw, evenly, fetch, near, worst
 
 STILLS = 12  # pictures of the way, and of the worst frames
 WRONG = 0.10  # share of the diameter: errors above it are shown as bad
@@ -114,7 +115,7 @@ def report_page(run: Run, renderer: Renderer) -> str:
     way, bad = evenly(frames, STILLS), worst(lost, STILLS)
     whole, close = _pictures(run, set(way), set(bad), renderer)
     curves = _curves(run, frames)
-    return page.fill(
+    return html_template.fill(
         title=run.title,
         verdict=run.verdict,
         facts=run.facts,
@@ -142,7 +143,7 @@ def index_page(title: str, verdict: str, text: str, table: Mapping[str, Any]) ->
     rows = [{"bad": False, "cells": cells(row)} for row in table["rows"]]
     head = cells(table["head"])
     shown = {"heading": table["heading"], "frames": False, "head": head, "rows": rows}
-    return page.fill(title=title, verdict=verdict, text=text, tables=[shown])
+    return html_template.fill(title=title, verdict=verdict, text=text, tables=[shown])
 
 
 def _pictures(

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 import torch
 
-from ..datasets.files import PoseRow, replacing
+from ..datasets.pose_files import PoseRow
 from ..datasets.video import Frame
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..io import replacing
 
 OBJECT, TRUTH, VIEW = "camera/object", "camera/truth", "camera/image"
 CURVES = ("confidence", "steps", "milliseconds")

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ..datasets.files import replacing
 from ..datasets.video import Image
 from ..errors import InputError
+from ..io import replacing
 
 CODECS = ("libx264", "mpeg4")  # the first that this machine's PyAV can write
 QUALITY = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"q:v": "3"}}

@@ -11,7 +11,7 @@ import torch
 
 from moveit6d.datasets.sequences import Sequence, read_sequences
 from moveit6d.estimation import Judge, PoseDetector, SearchConfig
-from moveit6d.evaluation.cycle import CycleTimes
+from moveit6d.evaluation.iteration_timing import CycleTimes
 from moveit6d.evaluation.reproduce import attention, detection, runtime
 from moveit6d.evaluation.reproduce.outcome import Sheet
 from moveit6d.evaluation.reproduce.tracks import Track

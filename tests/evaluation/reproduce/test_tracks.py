@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 import torch
 
-from moveit6d.datasets.files import PoseRow
+from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.sequences import Sequence, read_sequences
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseTracker
 from moveit6d.evaluation.protocols import GIVEN, NO_RESET, PAPER, Protocol
 from moveit6d.evaluation.reproduce.tracks import Setting, run_tracks, scored
-from moveit6d.evaluation.rollout import Step
+from moveit6d.evaluation.run_tracker import Step
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import MoveMode, OraclePolicy
 

@@ -22,7 +22,7 @@ from ...geometry.pose import Pose
 from ...observation import Observation, observe
 from ...policies import Policy, Situation
 from ...rendering.renderer import Renderer
-from .. import paper
+from . import published_figures as published
 from .convergence import Plan, frames_of
 from .outcome import Cell, Outcome, Panel, Sheet, Table
 
@@ -90,7 +90,7 @@ def outcome(
             rows.append((case.name, name, *_shares(attention, case.seen.mask)))
     head = ("case", "network", "mean on the object", "mean beside it", "share on the object %")
     sheet = Sheet("attention", "Attention", 2 + len(policies), tuple(panels))
-    steps = ", ".join(map(str, paper.ATTENTION_ITERATIONS))
+    steps = ", ".join(map(str, published.ATTENTION_ITERATIONS))
     return Outcome(
         "attention",
         "Attention maps of networks of different training",

@@ -25,7 +25,8 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...policies import Policy
 from ...rendering.renderer import Renderer
-from .. import metrics, paper
+from .. import metrics
+from . import published_figures as published
 from .outcome import Cell, Curve, LineChart, Outcome, Table, mean
 
 POINTS = 1000
@@ -63,11 +64,11 @@ class Trial:
 class Plan:
     """What is tried: the ms, the readings, frames at most, and how the loop runs."""
 
-    ms: tuple[int, ...] = tuple(range(paper.CONVERGENCE_LARGEST + 1))
+    ms: tuple[int, ...] = tuple(range(published.CONVERGENCE_LARGEST + 1))
     readings: tuple[Reading, ...] = tuple(Reading)
     frames: int | None = None
-    step: float = paper.CONVERGENCE_STEP
-    max_steps: int = paper.CONVERGENCE_STEPS
+    step: float = published.CONVERGENCE_STEP
+    max_steps: int = published.CONVERGENCE_STEPS
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -77,7 +78,7 @@ class Plan:
 
 def units(m: int, reading: Reading) -> int:
     """How many unit actions an axis is moved by."""
-    return m * (paper.CONVERGENCE_DELTA if reading is Reading.FORMULA else 1)
+    return m * (published.CONVERGENCE_DELTA if reading is Reading.FORMULA else 1)
 
 
 def deviate(truth: Pose, signs: Tensor, count: Sequence[int], sphere_diameter: float) -> Pose:
@@ -179,7 +180,7 @@ def outcome(trials: Sequence[Trial], data: str, facts: dict[str, object]) -> Out
             if points:
                 x, y = zip(*points, strict=True)
                 curves.append(Curve(f"{label}, {reading.value}", x, y, right))
-    stated = tuple(zip(*paper.CONVERGENCE_ADD.items(), strict=True))
+    stated = tuple(zip(*published.CONVERGENCE_ADD.items(), strict=True))
     curves.append(Curve("paper's ADD score", stated[0], stated[1], dots=True))
     head = ("reading", "m", "units an axis", "starts", "start ADD % d", "ADD<10%d",
             "steps where right", "paper ADD<10%d")  # fmt: skip
@@ -195,10 +196,10 @@ def outcome(trials: Sequence[Trial], data: str, facts: dict[str, object]) -> Out
         (Table("convergence", title, head, tuple(rows), 1),),
         (chart,),
         (
-            f"The paper did not converge from m = {paper.CONVERGENCE_NONE_FROM} on.",
+            f"The paper did not converge from m = {published.CONVERGENCE_NONE_FROM} on.",
             "A loop that runs into the limit of steps, and a start that the camera cannot see, "
             "count as not converged.",
-            *paper.NOTES["eq:adding_noise"],
+            *published.NOTES["eq:adding_noise"],
         ),
         facts,
     )
@@ -211,5 +212,5 @@ def _row(
     before = mean([100 * trial.before for trial in mine if np.isfinite(trial.before)])
     share = 100 * float(np.mean([trial.right for trial in mine]))
     steps = mean([float(trial.steps) for trial in mine if trial.right])
-    printed = paper.CONVERGENCE_ADD.get(m)
+    printed = published.CONVERGENCE_ADD.get(m)
     return reading.value, m, units(m, reading), len(mine), before, share, steps, printed

@@ -21,7 +21,8 @@ from ...estimation import Detection, Judge, PoseDetector, Target, refine_batch
 from ...estimation.detector import Candidate, best_of
 from ...estimation.frame import prepare_frame
 from ...geometry.pose import Pose
-from .. import metrics, paper
+from .. import metrics
+from . import published_figures as published
 from .convergence import POINTS, Plan, frames_of
 from .outcome import Cell, Curve, LineChart, Outcome, Panel, Sheet, Table, mean
 
@@ -167,7 +168,7 @@ def outcome(
             "The paper prints no figures for detection; its figure is one example.",
             "A sink counts as the object's if it is nearer than half of the object's width to its "
             "centre. `best candidate` is what a perfect judge would reach.",
-            *paper.NOTES["fig:detect"],
+            *published.NOTES["fig:detect"],
         ),
         facts,
     )

@@ -14,11 +14,12 @@ from torch import Tensor
 
 from ...datasets.sequences import Sequence as Video
 from ...errors import InputError
-from .. import metrics, paper
+from .. import metrics
+from . import published_figures as published
 from .outcome import Cell, Curve, LineChart, Outcome, Table, mean
 from .tracks import Track
 
-GROUPS = {f"occlusion_{level}": level for level in paper.LAVAL_LEVELS}
+GROUPS = {f"occlusion_{level}": level for level in published.LAVAL_LEVELS}
 NOTES = (
     "Horizontal and vertical occluders of a level are merged, as the benchmark's authors do.",
     "R is the benchmark's own rotation error, which is not quite the angle; the table of angles "
@@ -66,9 +67,9 @@ def measure(tracks: Iterable[Track]) -> dict[tuple[str, int], Cells]:
 
 
 def outcome(models: Mapping[str, Figures], data: str, facts: Mapping[str, object]) -> Outcome:
-    """Table `tab:laval_additional` (and with it `tab:laval`); models by `paper.LAVAL_MODELS`."""
+    """Table `tab:laval_additional` (and with it `tab:laval`), one model a key of `LAVAL_MODELS`."""
     objects = sorted({name for figures in models.values() for name, _ in figures})
-    objects += [name for name in paper.LAVAL_OBJECTS if name not in objects]
+    objects += [name for name in published.LAVAL_OBJECTS if name not in objects]
     main = _main(models, objects)
     angles = _spread(models, objects)
     return Outcome(
@@ -77,13 +78,15 @@ def outcome(models: Mapping[str, Figures], data: str, facts: Mapping[str, object
         data,
         (main, angles),
         tuple(_chart(models, objects, measure_) for measure_ in ("translation", "rotation")),
-        (*NOTES, *paper.NOTES["tab:laval_additional"]),
+        (*NOTES, *published.NOTES["tab:laval_additional"]),
         facts,
     )
 
 
 def _main(models: Mapping[str, Figures], objects: list[str]) -> Table:
-    columns = [(model, level) for model in paper.LAVAL_MODELS for level in paper.LAVAL_LEVELS]
+    columns = [
+        (model, level) for model in published.LAVAL_MODELS for level in published.LAVAL_LEVELS
+    ]
     head = ["object", "error"]
     head += [f"ours {model} {level} %" for model, level in columns]
     head += [f"paper {model} {level} %" for model, level in columns]
@@ -106,7 +109,7 @@ def _spread(models: Mapping[str, Figures], objects: list[str]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for model, figures in models.items():
         for name in objects:
-            for level in paper.LAVAL_LEVELS:
+            for level in published.LAVAL_LEVELS:
                 cells = figures.get((name, level))
                 if cells is None:
                     continue
@@ -133,17 +136,17 @@ def _ours(
 
 
 def _printed(model: str, name: str, level: int, quantity: str) -> float | None:
-    figure = paper.LAVAL.get((model, name, level))
+    figure = published.LAVAL.get((model, name, level))
     return None if figure is None else float(getattr(figure, quantity))
 
 
 def _chart(models: Mapping[str, Figures], objects: list[str], quantity: str) -> LineChart:
     """Means over the objects against the level, ours and the paper's."""
     curves = []
-    for model in paper.LAVAL_MODELS:
+    for model in published.LAVAL_MODELS:
         for who in ("ours", "paper"):
             known = []
-            for level in paper.LAVAL_LEVELS:
+            for level in published.LAVAL_LEVELS:
                 cells = [_printed(model, one, level, quantity) for one in objects]
                 if who == "ours":
                     cells = [_ours(models, model, one, level, quantity) for one in objects]

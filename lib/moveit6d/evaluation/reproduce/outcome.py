@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.files import replacing, write_json
+from ...io import replacing, write_json
 from ..tables import markdown
 
 Cell = float | int | str | None

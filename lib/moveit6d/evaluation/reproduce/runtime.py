@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .. import paper
-from ..cycle import CycleTimes
+from ..iteration_timing import CycleTimes
+from . import published_figures as published
 from .outcome import BarChart, Cell, Outcome, Table
 from .tracks import Track
 
@@ -25,7 +25,7 @@ def outcome(
     render, move = times.parts["render"], times.parts["move"]
     network = times.parts["network"]
     without = times.total - render
-    printed = list(paper.RUNTIME_MS.values())
+    printed = list(published.RUNTIME_MS.values())
     rows: list[tuple[Cell, ...]] = [
         ("image preprocessing (crop, resize)", prepare, printed[0]),
         ("network", network, printed[1]),
@@ -43,7 +43,7 @@ def outcome(
     )  # fmt: skip
     notes = (
         "Ours is the median of the cycles, all on the CPU; the paper's network ran on a GPU.",
-        *paper.NOTES["tab:runtime"],
+        *published.NOTES["tab:runtime"],
     )
     return Outcome("runtime", "Runtime of the action decision cycle", data, tuple(tables), (chart,),
                    notes, facts)  # fmt: skip
@@ -60,6 +60,8 @@ def _frames(tracks: Sequence[Track], cycle: float) -> Table:
                      float(np.mean(track.milliseconds))))  # fmt: skip
     rows.append(("all frames", len(steps), float(steps.mean()), float(steps.mean()) * cycle,
                  float(times.mean())))  # fmt: skip
-    rows.append(("paper (YCB-Video)", None, paper.ACTIONS_PER_FRAME, paper.MS_PER_FRAME, None))
+    rows.append(
+        ("paper (YCB-Video)", None, published.ACTIONS_PER_FRAME, published.MS_PER_FRAME, None)
+    )
     head = ("sequence", "frames", "cycles a frame", "ms, cycles × cycle", "ms measured")
     return Table("frames", "What a frame takes", head, tuple(rows))

@@ -14,14 +14,15 @@ from typing import Any
 
 import torch
 
-from ...datasets.files import PoseRow, by_frame, read_json, read_poses, write_json, write_poses
+from ...datasets.pose_files import PoseRow, by_frame, read_poses, write_poses
 from ...datasets.sequences import Sequence as Video
 from ...datasets.video import Frame
 from ...errors import InputError
 from ...geometry.pose import Pose
+from ...io import read_json, write_json
 from ..benchmark import MakeTracker
 from ..protocols import PROTOCOL_COLUMNS, Protocol, follow_protocol, is_given
-from ..rollout import Step
+from ..run_tracker import Step
 
 SETTINGS = "settings.json"
 COLUMNS = (*PROTOCOL_COLUMNS, "steps", "confidence")

@@ -15,8 +15,9 @@ import torch
 from torch import Tensor
 
 from ...geometry.pose import Pose
-from .. import metrics, paper
-from ..auc import exact_auc, voc_auc
+from .. import metrics
+from ..metrics.auc import exact_auc, voc_auc
+from . import published_figures as published
 from .outcome import BarChart, Cell, Outcome, Table, mean
 from .tracks import Track
 
@@ -111,7 +112,7 @@ def add_outcome(scores: Scores, data: str, facts: Mapping[str, object]) -> Outco
     def share(errors: Errors, which: Tensor) -> float:
         return 100 * metrics.accuracy(which, metrics.ADD_LIMIT * errors.diameter)
 
-    printed = paper.YCB_ADD
+    printed = published.YCB_ADD
     ours = {
         name: (
             share(one, one.declared),
@@ -129,7 +130,7 @@ def add_outcome(scores: Scores, data: str, facts: Mapping[str, object]) -> Outco
         data,
         (table, _counts(scores), _shifts(scores)),
         (_bars("ycb_add", "% of frames below 10 % of the diameter", ours, printed),),
-        (METRIC_NOTE, SHIFT_NOTE, *paper.NOTES[printed.label]),
+        (METRIC_NOTE, SHIFT_NOTE, *published.NOTES[printed.label]),
         facts,
     )
 
@@ -149,21 +150,21 @@ def auc_outcome(scores: Scores, data: str, facts: Mapping[str, object]) -> Outco
     head = ("ADD(-S)", "ADD(-S) + shift", "ADD", "ADD-S", "exact ADD(-S)")
     tables = [
         _beside(name, f"{printed.caption} ({printed.label})", head, ours, printed)
-        for name, printed in (("auc_1", paper.YCB_AUC_1), ("auc_2", paper.YCB_AUC_2))
+        for name, printed in (("auc_1", published.YCB_AUC_1), ("auc_2", published.YCB_AUC_2))
     ]
     notes = [
         METRIC_NOTE,
         "Areas are in the toolbox's VOC form, which tables need; `exact` is the integral itself.",
         SHIFT_NOTE,
-        *paper.NOTES[paper.YCB_AUC_1.label],
-        *paper.NOTES[paper.YCB_AUC_2.label],
+        *published.NOTES[published.YCB_AUC_1.label],
+        *published.NOTES[published.YCB_AUC_2.label],
     ]
     return Outcome(
         "ycb_auc",
         "YCB tables: area under the ADD curve to 0.1 m",
         data,
         (*tables, _pooled(scores), _shifts(scores)),
-        (_bars("ycb_auc", "area under the curve to 0.1 m, %", ours, paper.YCB_AUC_1),),
+        (_bars("ycb_auc", "area under the curve to 0.1 m, %", ours, published.YCB_AUC_1),),
         tuple(notes),
         facts,
     )
@@ -184,7 +185,7 @@ def _beside(
     title: str,
     head: tuple[str, ...],
     ours: Mapping[str, tuple[float, ...]],
-    printed: paper.PaperTable,
+    printed: published.PaperTable,
 ) -> Table:
     """Our columns beside the paper's: rows of our objects, then those only the paper has."""
     objects = [*ours, *(one for one in printed.rows if one not in ours)]
@@ -192,7 +193,7 @@ def _beside(
     dashes = (None,) * len(printed.methods)
     rows: list[tuple[Cell, ...]] = []
     for one in objects:
-        label = f"{one} (symmetric)" if one in paper.YCB_SYMMETRIC else one
+        label = f"{one} (symmetric)" if one in published.YCB_SYMMETRIC else one
         rows.append((label, *ours.get(one, none), *printed.rows.get(one, dashes)))
     means = [mean([values[k] for values in ours.values()]) for k in range(len(head))]
     rows.append(("mean of each column's objects", *means, *printed.averages))
@@ -229,7 +230,7 @@ def _shifts(scores: Scores) -> Table:
 
 
 def _bars(
-    name: str, label: str, ours: Mapping[str, tuple[float, ...]], printed: paper.PaperTable
+    name: str, label: str, ours: Mapping[str, tuple[float, ...]], printed: published.PaperTable
 ) -> BarChart:
     objects = [*ours, *(one for one in printed.rows if one not in ours)]
 
@@ -248,7 +249,7 @@ def _bars(
         {
             "ours": column(ours, 0),
             "ours + shift (oracle)": column(ours, 1),
-            paper.OURS: theirs(paper.OURS),
-            paper.SHIFTED: theirs(paper.SHIFTED),
+            published.OURS: theirs(published.OURS),
+            published.SHIFTED: theirs(published.SHIFTED),
         },
     )

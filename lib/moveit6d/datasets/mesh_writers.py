@@ -1,0 +1,91 @@
+"""Meshes as the files that data sets keep them in: PLY (BOP, Laval) and OBJ (YCB-Video, RBOT).
+
+Never reads; `Mesh.load` does.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry.mesh import METRES, Mesh
+from ..io import replacing
+
+# BOP's own loader knows only these names of types, not float32 and int32.
+PLY_NAMES = {"f4": "float", "u1": "uchar"}
+
+
+def write_ply(path: Path, mesh: Mesh, unit: Literal["m", "mm"] = "m") -> None:
+    """A binary PLY that `Mesh.load(path, unit)` reads back, in the mesh's own frame.
+
+    A texture goes beside it as PNG, named in a comment `TextureFile`, with `texture_u/v` a vertex
+    (thodan/bop_toolkit docs/bop_datasets_format.md; lvsn/6DOF_tracking_evaluation plyparser.py).
+    """
+    columns: list[tuple[str, str, NDArray[np.generic]]] = []
+    points = _points(mesh) / METRES[unit]
+    columns += [(name, "f4", points[:, k]) for k, name in enumerate("xyz")]
+    columns += [(f"n{name}", "f4", mesh.normals[:, k]) for k, name in enumerate("xyz")]
+    comment = ""
+    if mesh.texture is not None and mesh.uv is not None:
+        columns += [(f"texture_{name}", "f4", mesh.uv[:, k]) for k, name in enumerate("uv")]
+        comment = f"comment TextureFile {_write_texture(path, mesh.texture)}\n"
+    elif mesh.vertex_colors is not None:
+        names = ("red", "green", "blue")
+        columns += [(name, "u1", mesh.vertex_colors[:, k]) for k, name in enumerate(names)]
+    vertices = np.empty(len(points), [(name, f"<{kind}") for name, kind, _ in columns])
+    for name, _, values in columns:
+        vertices[name] = values
+    faces = np.empty(len(mesh.faces), [("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, mesh.faces
+    properties = "".join(f"property {PLY_NAMES[kind]} {name}\n" for name, kind, _ in columns)
+    head = (
+        f"ply\nformat binary_little_endian 1.0\n{comment}element vertex {len(vertices)}\n"
+        f"{properties}element face {len(faces)}\nproperty list uchar int vertex_indices\n"
+        "end_header\n"
+    )
+    with replacing(path) as temporary:
+        temporary.write_bytes(head.encode("ascii") + vertices.tobytes() + faces.tobytes())
+
+
+def write_obj(path: Path, mesh: Mesh, unit: Literal["m", "mm"] = "m") -> None:
+    """An OBJ that `Mesh.load(path, unit)` reads back, in the mesh's own frame.
+
+    A texture goes beside it with its MTL file; colours stand behind the vertices' coordinates.
+    """
+    points = _points(mesh) / METRES[unit]
+    lines = []
+    if mesh.texture is not None and mesh.uv is not None:
+        material = path.with_suffix(".mtl")
+        picture = _write_texture(path, mesh.texture)
+        with replacing(material) as temporary:
+            text = f"newmtl surface\nKa 1 1 1\nKd 1 1 1\nmap_Kd {picture}\n"
+            temporary.write_text(text, encoding="utf-8")
+        lines += [f"mtllib {material.name}", "usemtl surface"]
+        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points.tolist()]
+        lines += [f"vt {u:.7g} {v:.7g}" for u, v in mesh.uv.tolist()]
+        lines += [f"f {a}/{a} {b}/{b} {c}/{c}" for a, b, c in (mesh.faces + 1).tolist()]
+    else:
+        assert mesh.vertex_colors is not None
+        rows = np.concatenate([points, mesh.vertex_colors / 255], 1).tolist()
+        lines += ["v " + " ".join(f"{value:.9g}" for value in row) for row in rows]
+        lines += [f"f {a} {b} {c}" for a, b, c in (mesh.faces + 1).tolist()]
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _points(mesh: Mesh) -> NDArray[np.float64]:
+    """The vertices (V, 3) in the file's frame, metres."""
+    return mesh.vertices.astype(np.float64) + mesh.center
+
+
+def _write_texture(path: Path, texture: NDArray[np.uint8]) -> str:
+    """The texture as PNG beside `path`; its name, which names no folder."""
+    from PIL import Image
+
+    picture = path.with_name(f"{path.stem}_texture.png")
+    with replacing(picture) as temporary:
+        Image.fromarray(texture).save(temporary)
+    return picture.name

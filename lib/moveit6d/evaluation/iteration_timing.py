@@ -1,0 +1,91 @@
+"""Times the parts of one cycle: crop, render, observe, network, move.
+
+Never judges poses. Each part is called as the loop calls it; `whole` is the loop itself, limited to
+one cycle, so that what the parts leave out shows.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from ..estimation import Target, refine_batch
+from ..estimation.frame import prepare_frame
+from ..geometry.crop import View, crop_patch, view_of
+from ..geometry.mesh import Mesh
+from ..geometry.pose import Pose
+from ..geometry.rotation import exp_so3
+from ..observation import observe
+from ..policies import Policy, Situation, choose_move
+from ..rendering.renderer import Renderer
+from .default_camera import CAMERA
+
+PARTS = ("crop", "render", "observe", "network", "move")
+WARM_UP = 5
+
+
+@dataclass(frozen=True)
+class CycleTimes:
+    """Median milliseconds of each of `PARTS`, of their sum, and of a whole cycle of the loop."""
+
+    parts: dict[str, float]
+    total: float
+    whole: float
+
+
+def time_cycle(
+    mesh: Mesh,
+    policy: Policy,
+    renderer: Renderer,
+    rounds: Iterable[object],
+) -> CycleTimes:
+    """Time cycles on one object, seen from another side each time, in a frame of 640 × 480.
+
+    One cycle a round; the first `WARM_UP` rounds are not counted.
+    """
+    random = np.random.default_rng(0)
+    image = random.integers(0, 256, (CAMERA.height, CAMERA.width, 3), np.uint8)
+    frame = prepare_frame(image, CAMERA)
+    taken: list[list[float]] = []
+    wholes: list[float] = []
+    for _ in rounds:
+        turn = exp_so3(torch.from_numpy(random.normal(size=3)))
+        depth = 3.0 * mesh.sphere_diameter
+        place = torch.tensor([0.1 * depth, -0.05 * depth, depth], dtype=torch.float64)
+        centred = Pose(turn[None], place[None])
+        taken.append(_parts(mesh, centred, frame.pixels, policy, renderer))
+        begin = time.perf_counter()
+        target = Target(frame, CAMERA, mesh, mesh.outer(centred[0]))
+        refine_batch([target], policy=policy, renderer=renderer, max_steps=1)
+        wholes.append(1e3 * (time.perf_counter() - begin))
+    table = np.array(taken[WARM_UP:])
+    medians = dict(zip(PARTS, np.median(table, 0).tolist(), strict=True))
+    total = float(np.median(table.sum(1)))
+    return CycleTimes(medians, total, float(np.median(wholes[WARM_UP:])))
+
+
+@torch.inference_mode()  # as the loop's own cycles
+def _parts(
+    mesh: Mesh, pose: Pose, pixels: torch.Tensor, policy: Policy, renderer: Renderer
+) -> list[float]:
+    """Milliseconds of the parts of one cycle, in the order of `PARTS`."""
+    diameter = torch.tensor([mesh.sphere_diameter], dtype=torch.float64)
+    moments = [time.perf_counter()]
+    view = view_of(pose, diameter, policy.crop)
+    alone = View(view.rotation[0], view.intrinsics[0], view.distance[0])
+    patch = crop_patch(pixels, alone, CAMERA.matrix())
+    moments.append(time.perf_counter())
+    gbuffer = renderer.render([mesh], view.to_virtual(pose), view.intrinsics)
+    moments.append(time.perf_counter())
+    seen = observe(patch[None], gbuffer, view, diameter)
+    moments.append(time.perf_counter())
+    decision = policy.decide(seen, Situation(pose, diameter, torch.arange(1)))
+    moments.append(time.perf_counter())
+    choose_move(decision, policy.mode).apply(pose, diameter, policy.crop)
+    moments.append(time.perf_counter())
+    return [1e3 * (end - start) for start, end in itertools.pairwise(moments)]

@@ -1,0 +1,4 @@
+"""Scores of YCB-Video's keyframes.
+
+Never tracks.
+"""

@@ -1,0 +1,206 @@
+"""Works through a list of independent tasks: here, in processes beside each other, or on Ray.
+
+Never knows what a task is (a sequence, an image) and never mixes two: the results are those of one
+process. A task whose worker was killed is done again once.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+import signal
+import traceback
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from typing import Any, Generic, TypeVar
+
+from .errors import InputError
+
+# A task whose worker died is tried this many times more: one death is an accident (someone else's
+# memory, a machine that went away), two are the task's own doing.
+RETRIES = 1
+
+PATIENCE = 10.0  # seconds in which a worker that has nothing to do must have ended
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+Work = Callable[[Item], Result]
+
+
+@dataclass(frozen=True)
+class Outcome(Generic[Result]):
+    """What became of the item with this index: its result, or the sentence that says why not."""
+
+    index: int
+    result: Result | None = None
+    error: str | None = None
+
+
+def run_jobs(
+    work: Work[Item, Result],
+    items: Sequence[Item],
+    *,
+    jobs: int = 1,
+    ray: str | None = None,
+    cpus: int = 1,
+) -> Iterator[Outcome[Result]]:
+    """The outcome of `work(item)` for every item, each as soon as it is there.
+
+    With `jobs` 1 in this process and in order; with more in that many processes beside each other;
+    with `ray` on the cluster at that address (`auto`, `ray://HOST:10001`; `local` starts one on
+    this machine), `cpus` of it a task. Then `work` must be a function of a module, and everything
+    that items name by path must be there under the same path on every machine.
+
+    An `InputError` ends its item only and is its outcome; any other exception is a defect and ends
+    everything. Whatever ends the iteration ends the workers.
+    """
+    if ray is not None:
+        yield from _on_ray(work, items, ray, cpus)
+    elif jobs > 1 and len(items) > 1:
+        yield from _beside(work, items, min(jobs, len(items)))
+    else:
+        for index, item in enumerate(items):
+            yield _outcome(index, work, item)
+
+
+def _outcome(index: int, work: Work[Item, Result], item: Item) -> Outcome[Result]:
+    try:
+        return Outcome(index, work(item))
+    except InputError as error:
+        return Outcome(index, error=str(error))
+
+
+def _died(tries: int) -> str:
+    return (
+        f"its worker died {tries} times (killed, or out of memory); fewer --jobs need less memory"
+    )
+
+
+def _beside(
+    work: Work[Item, Result], items: Sequence[Item], jobs: int
+) -> Iterator[Outcome[Result]]:
+    waiting = deque(range(len(items)))
+    tries: Counter[int] = Counter()
+    busy: dict[Connection, tuple[_Worker, int]] = {}
+    idle = [_Worker() for _ in range(jobs)]
+    try:
+        while waiting or busy:
+            while waiting and idle:
+                worker, index = idle.pop(), waiting.popleft()
+                tries[index] += 1
+                worker.give(index, work, items[index])
+                busy[worker.pipe] = (worker, index)
+            for pipe in wait(list(busy)):
+                assert isinstance(pipe, Connection)
+                worker, index = busy.pop(pipe)
+                outcome = worker.take()
+                if outcome is not None:
+                    idle.append(worker)
+                    yield outcome
+                    continue
+                worker.end()
+                idle.append(_Worker())
+                if tries[index] <= RETRIES:
+                    waiting.appendleft(index)
+                else:
+                    yield Outcome(index, error=_died(tries[index]))
+    finally:
+        for worker, _ in busy.values():
+            worker.end()
+        for worker in idle:  # all of them first: they end by themselves beside each other
+            worker.pipe.close()
+        for worker in idle:
+            worker.end(PATIENCE)
+
+
+class _Worker:
+    """A process that does one task after the other.
+
+    Messages are pickled here: multiprocessing would send every tensor as an open file of its own.
+    """
+
+    def __init__(self) -> None:
+        context = get_context("spawn")  # forking a process that has run torch can hang
+        self.pipe, far = context.Pipe()
+        self.process = context.Process(target=_serve, args=(far,), daemon=True)
+        self.process.start()
+        far.close()
+
+    def give(self, index: int, work: Callable[[Any], Any], item: object) -> None:
+        """Let it begin. That it is dead already is noticed by `take`."""
+        with suppress(OSError):
+            self.pipe.send_bytes(pickle.dumps((index, work, item)))
+
+    def take(self) -> Outcome[Any] | None:
+        """What it has sent; None if it died."""
+        try:
+            found = pickle.loads(self.pipe.recv_bytes())
+        except (EOFError, OSError):
+            return None
+        if isinstance(found, str):
+            raise RuntimeError(f"a worker failed:\n{found}")
+        assert isinstance(found, Outcome)
+        return found
+
+    def end(self, patience: float = 0.0) -> None:
+        """Stop it, unless it ends by itself within so many seconds and gives back its locks."""
+        self.process.join(patience)
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
+
+
+def _serve(pipe: Connection) -> None:
+    """What a worker does until nobody sends any more. Ctrl-C is for who gives the tasks."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    while True:
+        try:
+            index, work, item = pickle.loads(pipe.recv_bytes())
+        except (EOFError, OSError):
+            return
+        try:
+            answer: object = _outcome(index, work, item)
+        except BaseException:
+            answer = traceback.format_exc()
+        pipe.send_bytes(pickle.dumps(answer))
+
+
+def _on_ray(
+    work: Work[Item, Result], items: Sequence[Item], address: str, cpus: int
+) -> Iterator[Outcome[Result]]:
+    ray = _connect(address)
+    # Ray itself does a task again whose worker died; exceptions are never tried again.
+    task = ray.remote(max_retries=RETRIES, num_cpus=cpus)(_outcome)
+    try:
+        running = {task.remote(index, work, item): index for index, item in enumerate(items)}
+        while running:
+            (done,), _ = ray.wait(list(running))
+            index = running.pop(done)
+            try:
+                yield ray.get(done)
+            except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError):
+                yield Outcome(index, error=_died(RETRIES + 1))
+    finally:
+        ray.shutdown()  # of a cluster that was there before: only leaves it
+
+
+def _connect(address: str) -> Any:
+    try:
+        import ray
+    except ImportError:
+        raise InputError("--ray needs the package ray: pip install 'moveit6d[ray]'.") from None
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # tell nobody
+    local: dict[str, Any] = {"include_dashboard": False} if address == "local" else {}
+    try:
+        ray.init(address=address, logging_level=logging.ERROR, **local)
+    except (ConnectionError, RuntimeError, ValueError) as error:
+        raise InputError(
+            f"there is no Ray cluster at {address} ({error}); start one with `ray start --head`, "
+            "or use --ray local."
+        ) from error
+    return ray

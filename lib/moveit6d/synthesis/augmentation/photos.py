@@ -1,0 +1,58 @@
+"""A bank of photographs that become backgrounds, occluders and textures.
+
+Never augments and never renders.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from ...errors import InputError
+
+PHOTO_SUFFIXES = {".jpg", ".jpeg", ".png", ".webp", ".bmp"}
+SHORT_SIDE = 200  # pixels: enough for a 128-pixel patch, small enough to keep a thousand in memory
+
+
+def load_photos(folder: Path, limit: int | None = None) -> list[np.ndarray]:
+    """Photographs (H, W, 3) uint8 RGB of a folder, their short side at most `SHORT_SIDE` pixels.
+
+    With a `limit`, an evenly spread part of the folder. Raises `InputError` if there is none.
+    """
+    if not folder.is_dir():
+        raise InputError(f"Photo folder {folder} does not exist.")
+    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in PHOTO_SUFFIXES)
+    if limit is not None and len(paths) > limit:
+        paths = [paths[i] for i in np.linspace(0, len(paths) - 1, limit).astype(int)]
+    photos = [photo for photo in map(_read, paths) if min(photo.shape[:2]) >= 64]
+    if not photos:
+        raise InputError(f"Photo folder {folder} holds no readable picture of 64 pixels or more.")
+    return photos
+
+
+def _read(path: Path) -> np.ndarray:
+    try:
+        with Image.open(path) as picture:
+            rgb = picture.convert("RGB")
+    except OSError:
+        return np.zeros((1, 1, 3), np.uint8)  # dropped by the size rule: one bad file is no reason
+    scale = SHORT_SIDE / min(rgb.size)
+    if scale < 1:
+        size = (round(rgb.width * scale), round(rgb.height * scale))
+        rgb = rgb.resize(size, Image.Resampling.BOX)
+    return np.asarray(rgb)
+
+
+def random_square(
+    photos: list[np.ndarray], random: np.random.Generator, size: int, smallest: int = 48
+) -> np.ndarray:
+    """A random square of a random photo, scaled to `size` and mirrored half of the time: uint8."""
+    photo = photos[int(random.integers(len(photos)))]
+    height, width = photo.shape[:2]
+    side = int(random.integers(min(smallest, min(height, width)), min(height, width) + 1))
+    y, x = int(random.integers(height - side + 1)), int(random.integers(width - side + 1))
+    square = Image.fromarray(photo[y : y + side, x : x + side])
+    resized = np.asarray(square.resize((size, size), Image.Resampling.BILINEAR))
+    return resized[:, ::-1] if random.random() < 0.5 else resized

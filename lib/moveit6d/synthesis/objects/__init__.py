@@ -1,0 +1,4 @@
+"""Random objects: shapes, textures, declared symmetries, and the demonstration's object.
+
+Never renders.
+"""

@@ -1,0 +1,216 @@
+"""Training pairs on disk, in shards that machines can share out among them.
+
+Never trains. What a shard holds depends on the source, the seed and the shard's number alone, not
+on who writes it or what was written before; a shard is there as a whole or not at all. So parts of
+a job can run anywhere, be killed at any time and be started again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from ...errors import InputError
+from ...geometry.mesh import Mesh
+from ...io import read_json, replacing, write_json
+from ...observation import Observation
+from .pairs import TrainingBatch
+from .source import PairSource
+
+MANIFEST = "pairs.json"
+FORMAT = "moveit6d-pairs-3"
+
+
+@dataclass(frozen=True)
+class ShardPlan:
+    """How many shards of how many batches of how many pairs there are, and their seed."""
+
+    shards: int
+    batches: int = 32
+    batch_size: int = 32
+    seed: int = 0
+
+    def part(self, number: int, count: int) -> list[int]:
+        """The shards of part `number` (from 1) of `count`: every `count`-th one."""
+        if not 1 <= number <= count:
+            raise InputError(f"There is no part {number} of {count}; parts count from 1.")
+        return list(range(number - 1, self.shards, count))
+
+
+def shard_path(folder: Path, number: int, plan: ShardPlan) -> Path:
+    """The file of a shard."""
+    return Path(folder) / f"{number:05d}-of-{plan.shards:05d}.safetensors"
+
+
+class ShardWriter:
+    """Writes shards of one plan; loads files once, however many shards it writes."""
+
+    def __init__(self, source: PairSource, plan: ShardPlan, folder: Path) -> None:
+        self.source, self.plan, self.folder = source, plan, Path(folder)
+        self._loaded: tuple[list[np.ndarray], list[Mesh], list[Mesh] | None] | None = None
+
+    def claim(self) -> None:
+        """Write the manifest, or `InputError` if the folder belongs to other pairs."""
+        facts = {"format": FORMAT, **dataclasses.asdict(self.plan), "source": self.source.digest()}
+        path = self.folder / MANIFEST
+        if not path.exists():
+            write_json(path, facts)  # everybody writes the same
+        found = read_json(path)
+        different = [key for key, value in facts.items() if found.get(key) != value]
+        if different:
+            raise InputError(
+                f"{self.folder} holds pairs of another {different[0]}; give the arguments that "
+                "they were begun with, or another folder."
+            )
+
+    def missing(self, numbers: Sequence[int]) -> list[int]:
+        """Those of the shards that are not there yet."""
+        return [n for n in numbers if not shard_path(self.folder, n, self.plan).exists()]
+
+    def write(self, number: int) -> Path:
+        """Draw and write one shard."""
+        torch.set_num_threads(1)  # sums in another order are other numbers
+        photos, fixed, occluders = self._things()
+        random = np.random.default_rng([self.plan.seed, number])
+        meshes = fixed + [
+            self.source.shape(random, photos, fixed) for _ in range(self.source.shapes)
+        ]
+        generator = self.source.generator(random, photos, meshes, occluders)
+        packed = [_packed(generator.batch(self.plan.batch_size)) for _ in range(self.plan.batches)]
+        tensors = {
+            name: torch.cat([one[name] for one in packed]).contiguous() for name in packed[0]
+        }
+        path = shard_path(self.folder, number, self.plan)
+        with replacing(path) as temporary:
+            # One entry: several would stand in a random order, and the same shard be other bytes.
+            save_file(tensors, temporary, {"format": FORMAT})
+        return path
+
+    def _things(self) -> tuple[list[np.ndarray], list[Mesh], list[Mesh] | None]:
+        if self._loaded is None:
+            photos = self.source.load_photos(np.random.default_rng(self.plan.seed))
+            self._loaded = photos, self.source.load_meshes(), self.source.load_occluders()
+        return self._loaded
+
+
+_writers: dict[tuple[Path, ShardPlan], ShardWriter] = {}
+
+
+def write_shard(task: tuple[PairSource, ShardPlan, Path, int]) -> Path:
+    """One shard as a task of a worker process, which keeps what it has loaded for the next one."""
+    source, plan, folder, number = task
+    writer = _writers.get((folder, plan))
+    if writer is None or writer.source != source:
+        writer = _writers[folder, plan] = ShardWriter(source, plan, folder)
+    return writer.write(number)
+
+
+def open_shards(folder: Path) -> tuple[ShardPlan, list[Path]]:
+    """The plan of a folder and its shards; `InputError` names those that are missing."""
+    folder = Path(folder)
+    if not (folder / MANIFEST).is_file():
+        raise InputError(f"{folder} has no {MANIFEST}; `moveit6d write-pairs` makes such folders.")
+    facts = read_json(folder / MANIFEST)
+    if facts.get("format") != FORMAT:
+        raise InputError(f"{folder / MANIFEST}: format {facts.get('format')!r}, not {FORMAT!r}.")
+    fields = (field.name for field in dataclasses.fields(ShardPlan))
+    plan = ShardPlan(**{name: int(facts[name]) for name in fields})
+    paths = [shard_path(folder, number, plan) for number in range(plan.shards)]
+    missing = [path.name for path in paths if not path.exists()]
+    if missing:
+        raise InputError(
+            f"{folder} lacks {len(missing)} of its {plan.shards} shards, {missing[0]} first; run "
+            "`moveit6d write-pairs` again for the parts that are not finished."
+        )
+    return plan, paths
+
+
+def read_shard(path: Path, batch_size: int) -> Iterator[TrainingBatch]:
+    """The pairs of a shard in batches; only one is in memory at a time."""
+    try:
+        with safe_open(path, "pt") as file:
+            slices = {name: file.get_slice(name) for name in file.keys()}  # noqa: SIM118
+            count = slices["counts"].get_shape()[0]
+            for start in range(0, count - batch_size + 1, batch_size):
+                end = start + batch_size
+                yield _unpacked({name: part[start:end] for name, part in slices.items()})
+    except (SafetensorError, KeyError, OSError) as error:
+        raise InputError(f"{path} is damaged ({error}); delete it and write it again.") from error
+
+
+def shard_stream(
+    folder: Path, batch_size: int, seed: int, reader: int = 0, readers: int = 1, skip: int = 0
+) -> Iterator[TrainingBatch]:
+    """Batches without end for one of several readers that share each epoch's shards out.
+
+    Every epoch has an order of its own, in which each reader takes every `readers`-th shard; the
+    first `skip` batches are left out, which is how a resumed training goes on.
+    """
+    plan, paths = open_shards(folder)
+    each = plan.batches * plan.batch_size // batch_size
+    if not each or len(paths) < readers:
+        raise InputError(
+            f"{folder} has {len(paths)} shards of {plan.batches * plan.batch_size} pairs: too few "
+            f"for {readers} readers of batches of {batch_size}."
+        )
+    epoch = 0
+    while True:
+        order = np.random.default_rng([seed, epoch]).permutation(len(paths))
+        for number in order[reader::readers]:
+            if skip >= each:
+                skip -= each
+                continue
+            for index, batch in enumerate(read_shard(paths[number], batch_size)):
+                if index >= skip:
+                    yield batch
+            skip = 0
+        epoch += 1
+
+
+def _packed(batch: TrainingBatch) -> dict[str, Tensor]:
+    """Eight bits a colour, a bit a mask, 16 bits a depth in diameters: 170 kB a pair."""
+    seen = batch.observation
+    return {
+        "image": (seen.image * 255).round().byte(),
+        "rendering": (seen.rendering * 255).round().byte(),
+        "depth": seen.depth.half(),
+        "true_depth": batch.true_depth.half(),
+        "mask": _bits(seen.mask),
+        "true_mask": _bits(batch.true_mask),
+        "clear": _bits(batch.clear),
+        "distance": seen.distance,
+        "counts": batch.counts,
+        "mesh": batch.mesh,
+        "zoom": batch.zoom,
+        "rotation": batch.rotation,
+        "direction": batch.direction,
+    }
+
+
+def _unpacked(stored: dict[str, Any]) -> TrainingBatch:
+    mask, true_mask, clear = (_floats(stored[name]) for name in ("mask", "true_mask", "clear"))
+    observation = Observation(
+        stored["image"].float() / 255, stored["rendering"].float() / 255,
+        stored["depth"].float(), mask, stored["distance"],
+    )  # fmt: skip
+    return TrainingBatch(
+        observation, stored["counts"], stored["true_depth"].float(), true_mask, true_mask * clear,
+        clear, stored["mesh"], stored["zoom"], stored["rotation"], stored["direction"],
+    )  # fmt: skip
+
+
+def _bits(mask: Tensor) -> Tensor:
+    return torch.from_numpy(np.packbits(mask.numpy() > 0.5, axis=-1))
+
+
+def _floats(bits: Tensor) -> Tensor:
+    return torch.from_numpy(np.unpackbits(bits.numpy(), axis=-1)).float()

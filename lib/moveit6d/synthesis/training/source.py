@@ -1,0 +1,100 @@
+"""What training pairs are drawn from: mesh files, made shapes, photographs, and how.
+
+Never draws a pair; small enough to be sent to other processes and machines.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from ...errors import InputError
+from ...geometry.mesh import Mesh
+from ..augmentation.backgrounds import procedural_photo
+from ..augmentation.photos import load_photos
+from ..objects.shapes import random_object
+from ..objects.symmetric_shapes import symmetric_object
+from ..objects.untextured import bare_copy
+from .pairs import PairConfig, PairGenerator
+
+MESH_SUFFIXES = {".glb", ".obj", ".ply", ".stl"}
+MADE_PHOTOS = 64  # pictures that are made where there is no folder of photographs
+
+
+@dataclass(frozen=True)
+class PairSource:
+    """Files, number of made shapes, and all that is random about a pair.
+
+    `symmetric` is the share of made shapes that declare symmetries, `bare` that of copies of the
+    meshes without their print; `occluders` are meshes for the bank of occluders where it is not
+    filled with the same ones.
+    """
+
+    meshes: tuple[Path, ...]
+    mesh_unit: Literal["m", "mm"]
+    photos: Path | None
+    photo_limit: int | None
+    shapes: int
+    pairs: PairConfig
+    symmetric: float = 0.0
+    occluders: tuple[Path, ...] = ()
+    bare: float = 0.0
+
+    def load_photos(self, random: np.random.Generator) -> list[np.ndarray]:
+        """The photographs of the folder, or generated pictures."""
+        if self.photos is not None:
+            return load_photos(Path(self.photos), self.photo_limit)
+        return [procedural_photo(random, (200, 260)) for _ in range(MADE_PHOTOS)]
+
+    def load_meshes(self) -> list[Mesh]:
+        """The meshes of the files, with the symmetries that are declared beside them."""
+        return [Mesh.load(path, unit=self.mesh_unit, allow_flat=True) for path in self.meshes]
+
+    def load_occluders(self) -> list[Mesh] | None:
+        """The meshes for the bank, or None."""
+        return [Mesh.load(path, unit=self.mesh_unit, allow_flat=True) for path in self.occluders] or None
+
+    def shape(
+        self, random: np.random.Generator, photos: Sequence[np.ndarray], meshes: Sequence[Mesh] = ()
+    ) -> Mesh:
+        """One new made shape, or a bare copy of one of the meshes."""
+        # No number is drawn for nothing: without those kinds the others stay the same.
+        if self.symmetric > 0 and random.random() < self.symmetric:
+            return symmetric_object(random, photos)
+        if self.bare > 0 and meshes and random.random() < self.bare:
+            return bare_copy(random, meshes[int(random.integers(len(meshes)))])
+        return random_object(random, photos)
+
+    def generator(
+        self, random: np.random.Generator, photos: list[np.ndarray], meshes: list[Mesh],
+        occluders: list[Mesh] | None = None,
+    ) -> PairGenerator:  # fmt: skip
+        """A generator over loaded things, with a seed from `random`."""
+        seed = int(random.integers(2**62))
+        return PairGenerator(meshes, photos, self.pairs, seed, occluders)
+
+    def digest(self) -> str:
+        """A fingerprint that is the same wherever the same files lie under other folders."""
+        files = [(path.name, path.stat().st_size) for path in (*self.meshes, *self.occluders)]
+        photos = sorted(path.name for path in Path(self.photos).iterdir()) if self.photos else []
+        facts = {
+            "files": files, "unit": self.mesh_unit, "photos": photos, "limit": self.photo_limit,
+            "shapes": self.shapes, "symmetric": self.symmetric,
+            "bare": self.bare, "pairs": dataclasses.asdict(self.pairs),
+        }  # fmt: skip
+        return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+def mesh_files(folder: Path) -> list[Path]:
+    """Mesh files of a folder in order of their names; `InputError` if there is none."""
+    paths = sorted(p for p in Path(folder).glob("*") if p.suffix.lower() in MESH_SUFFIXES)
+    if not paths:
+        raise InputError(f"Mesh folder {folder} holds no .glb, .obj, .ply or .stl file.")
+    return paths

@@ -1,0 +1,55 @@
+"""Mesh files of data sets: what is written is read back, at the same place in the same colours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from moveit6d.datasets.mesh_writers import write_obj, write_ply
+from moveit6d.geometry.mesh import Mesh
+from tests.support.meshes import colored_box, textured_box
+
+WRITERS = {"ply": write_ply, "obj": write_obj}
+
+
+@pytest.fixture(params=["ply", "obj"])
+def write(request: pytest.FixtureRequest) -> tuple[str, Callable[..., None]]:
+    return request.param, WRITERS[request.param]
+
+
+def seen(mesh: Mesh) -> np.ndarray:
+    """Corners of faces in the file's frame with their texture coordinates or colours, sorted."""
+    look = mesh.uv if mesh.uv is not None else mesh.vertex_colors
+    assert look is not None
+    rows = np.concatenate([mesh.vertices + mesh.center, look], 1)[mesh.faces.reshape(-1)]
+    return rows[np.lexsort(np.round(rows, 4).T)]
+
+
+@pytest.mark.parametrize("unit", ["m", "mm"])
+def test_colours_come_back(tmp_path: Path, write: tuple[str, Callable], unit: str) -> None:
+    mesh = colored_box(offset=(0.02, 0.01, -0.03))
+    path = tmp_path / f"box.{write[0]}"
+    write[1](path, mesh, unit)
+    np.testing.assert_allclose(seen(Mesh.load(path, unit)), seen(mesh), atol=1e-6)  # type: ignore
+
+
+def test_a_texture_comes_back_upright(tmp_path: Path, write: tuple[str, Callable]) -> None:
+    texture = np.random.default_rng(0).integers(0, 256, (16, 24, 3), np.uint8)
+    mesh = textured_box(texture)
+    path = tmp_path / "models" / f"box.{write[0]}"
+    write[1](path, mesh)
+    back = Mesh.load(path)
+    assert back.texture is not None
+    np.testing.assert_array_equal(back.texture, texture)
+    np.testing.assert_allclose(seen(back), seen(mesh), atol=1e-5)
+
+
+def test_ply_names_only_types_that_bop_knows(tmp_path: Path) -> None:
+    write_ply(tmp_path / "box.ply", colored_box())
+    head = (tmp_path / "box.ply").read_bytes().split(b"end_header")[0].decode()
+    kinds = {line.split()[1] for line in head.splitlines() if line.startswith("property")}
+    assert kinds == {"float", "uchar", "list"}
+    assert "property list uchar int vertex_indices" in head

@@ -1,0 +1,221 @@
+"""camera.json, pose.json and poses.csv: exact there and back, clear words for bad ones."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+import torch
+
+from moveit6d.datasets.pose_files import (
+    RESULT_COLUMNS,
+    PoseRow,
+    PoseWriter,
+    by_frame,
+    read_camera,
+    read_pose,
+    read_poses,
+    write_camera,
+    write_pose,
+    write_poses,
+)
+from moveit6d.errors import InputError
+from moveit6d.geometry.camera import Camera
+from moveit6d.geometry.pose import Pose
+from moveit6d.geometry.rotation import exp_so3
+from moveit6d.io import (
+    replacing,
+    write_json,
+)
+
+CAMERA = {"fx": 600.5, "fy": 601, "cx": 320, "cy": 240.25, "width": 640, "height": 480}
+
+
+def some_pose(x: float = 0.1) -> Pose:
+    return Pose(
+        exp_so3(torch.tensor([x, -0.7, 1.3], dtype=torch.float64)),
+        torch.tensor([x, -0.02, 0.6], dtype=torch.float64),
+    )
+
+
+def save(path: Path, content: object) -> Path:
+    path.write_text(content if isinstance(content, str) else json.dumps(content))
+    return path
+
+
+def test_camera_comes_back_exactly(tmp_path: Path) -> None:
+    for distortion in (None, (0.1, -0.2, 0.001, 0.0, 0.05)):
+        camera = Camera(612.3456789012345, 611.1, 322.0, 239.5, 640, 480, distortion)
+        write_camera(tmp_path / "camera.json", camera)
+        assert read_camera(tmp_path / "camera.json") == camera
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"fx": None}, "fx must be a number"),
+        ({"fx": "600"}, "fx must be a number"),
+        ({"fx": True}, "fx must be a number"),
+        ({"fy": -1}, "fx and fy must be positive"),
+        ({"cx": float("nan")}, "finite"),
+        ({"width": 640.5}, "width must be a whole number"),
+        ({"height": 0}, "not an image size"),
+        ({"distortion": [0.1, 0.2]}, "distortion must be k1"),
+        ({"distortion": "none"}, "distortion must be the list"),
+    ],
+)
+def test_a_bad_camera_is_named(tmp_path: Path, change: dict[str, object], words: str) -> None:
+    path = save(tmp_path / "camera.json", {**CAMERA, **change})
+    with pytest.raises(InputError, match=words) as caught:
+        read_camera(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_camera_without_a_key_says_which(tmp_path: Path) -> None:
+    path = save(tmp_path / "camera.json", {"fx": 1, "fy": 1, "cx": 0, "width": 4})
+    with pytest.raises(InputError, match="cy, height missing"):
+        read_camera(path)
+
+
+@pytest.mark.parametrize("content", ["", "{", "[1, 2]", "\x00\x01"])
+def test_what_is_no_json_object_is_refused(tmp_path: Path, content: str) -> None:
+    with pytest.raises(InputError, match="JSON"):
+        read_camera(save(tmp_path / "camera.json", content))
+
+
+def test_missing_files_are_named(tmp_path: Path) -> None:
+    for read in (read_camera, read_pose, read_poses):
+        with pytest.raises(InputError, match=r"nowhere.* does not exist"):
+            read(tmp_path / "nowhere")
+
+
+def test_pose_comes_back_exactly(tmp_path: Path) -> None:
+    write_pose(tmp_path / "pose.json", some_pose())
+    back = read_pose(tmp_path / "pose.json")
+    torch.testing.assert_close(back.rotation, some_pose().rotation, rtol=0, atol=1e-15)
+    assert torch.equal(back.translation, some_pose().translation)
+
+
+@pytest.mark.parametrize(
+    ("rotation", "translation", "words"),
+    [
+        ([[1, 0, 0], [0, 1, 0], [0, 0, -1]], [0, 0, 1], "left-handed"),
+        ([[1, 0, 0], [0, 1, 0], [0, 0, 0]], [0, 0, 1], "not a rotation"),
+        ([[1, 0, 0], [0, 1, 0]], [0, 0, 1], "3×3"),
+        ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], [0, 1], "3 numbers"),
+        ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], [0, 0, float("nan")], "not finite"),
+        ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], [30, 20, 450], "millimetres"),
+        ("identity", [0, 0, 1], "must be numbers"),
+        ([[[1, 0, 0], [0, 1, 0], [0, 0, 1]]], [[0, 0, 1]], "one pose expected"),
+    ],
+)
+def test_a_bad_pose_is_named(
+    tmp_path: Path, rotation: object, translation: object, words: str
+) -> None:
+    path = save(tmp_path / "start.json", {"rotation": rotation, "translation": translation})
+    with pytest.raises(InputError, match=words) as caught:
+        read_pose(path)
+    assert str(path) in str(caught.value)
+
+
+def test_poses_come_back_and_holes_stay_holes(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "poses.csv"
+    rows = [
+        PoseRow(0, "a.png", some_pose(), 3, "stop_action", 0.75, 12.5),
+        PoseRow(1, "b.png", None, stopped_by="failed"),
+        PoseRow(2, 'odd, "name".png', some_pose(0.2), 30, "max_steps", 0.25, 40.0),
+    ]
+    write_poses(path, rows)
+    lines = path.read_text().splitlines()
+    assert lines[0] == (
+        "frame,image,r11,r12,r13,r21,r22,r23,r31,r32,r33,tx,ty,tz,"
+        "steps,stopped_by,confidence,milliseconds"
+    )
+    assert lines[2] == "1,b.png,,,,,,,,,,,,,,failed,,"
+    back = read_poses(path)
+    assert [row.image for row in back] == [row.image for row in rows]
+    assert back[1].pose is None and back[1].steps is None and back[1].milliseconds is None
+    assert (back[2].steps, back[2].stopped_by) == (30, "max_steps")
+    assert (back[0].confidence, back[0].milliseconds) == (0.75, 12.5)
+    for old, new in zip(rows, back, strict=True):
+        if old.pose is not None and new.pose is not None:
+            torch.testing.assert_close(new.pose.rotation, old.pose.rotation, rtol=0, atol=1e-9)
+            torch.testing.assert_close(
+                new.pose.translation, old.pose.translation, rtol=0, atol=1e-9
+            )
+
+
+def test_ctrl_c_keeps_the_rows_so_far(tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    path.write_text("old")
+    with pytest.raises(KeyboardInterrupt), PoseWriter(path) as writer:
+        writer.write(PoseRow(0, pose=some_pose()))
+        assert path.read_text() == "old", "the real file must not change before the end"
+        raise KeyboardInterrupt
+    assert len(read_poses(path)) == 1
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_error_before_the_first_row_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    path.write_text("old")
+    with pytest.raises(InputError), PoseWriter(path):
+        raise InputError("no such mesh")
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_benchmark_columns(tmp_path: Path) -> None:
+    path = tmp_path / "easy_00.csv"
+    write_poses(path, [PoseRow(4, pose=some_pose(), milliseconds=1.25)], RESULT_COLUMNS)
+    head, line = path.read_text().splitlines()
+    assert head == "frame,r11,r12,r13,r21,r22,r23,r31,r32,r33,tx,ty,tz,milliseconds"
+    assert line.startswith("4,") and line.endswith(",1.2500")
+
+
+HEAD = "frame,r11,r12,r13,r21,r22,r23,r31,r32,r33,tx,ty,tz"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "no column frame, r11"),
+        ("frame,r11\n0,1\n", "no column r12"),
+        (f"{HEAD}\n0,1,0,0,0,1,0,0,0,1,0,0\n", "line 2: tz is empty"),
+        (f"{HEAD}\n0,1,0,0,0,1,0,0,0,x,0,0,1\n", "line 2: r33 must be a number"),
+        (f"{HEAD}\n0.5,1,0,0,0,1,0,0,0,1,0,0,1\n", "line 2: frame must be a whole number"),
+        (f"{HEAD}\n0,1,0,0,0,1,0,0,0,-1,0,0,1\n", "line 2: the rotation is left-handed"),
+    ],
+)
+def test_a_bad_poses_file_names_its_line(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        read_poses(save(tmp_path / "poses.csv", text))
+
+
+def test_a_pose_that_is_not_finite_is_no_pose(tmp_path: Path) -> None:
+    path = save(tmp_path / "poses.csv", f"{HEAD}\n0,nan,0,0,0,1,0,0,0,1,0,0,1\n")
+    assert read_poses(path)[0].pose is None
+
+
+def test_a_frame_twice_is_refused() -> None:
+    with pytest.raises(InputError, match=r"poses\.csv: frame 3 occurs twice"):
+        by_frame([PoseRow(3), PoseRow(3)], "poses.csv")
+
+
+def test_json_holds_null_for_what_is_not_finite(tmp_path: Path) -> None:
+    write_json(tmp_path / "a.json", {"mean": math.nan, "list": [math.inf, 1.5], "n": 3})
+    assert json.loads((tmp_path / "a.json").read_text()) == {
+        "mean": None,
+        "list": [None, 1.5],
+        "n": 3,
+    }
+
+
+def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"), replacing(tmp_path / "file" / "a"):
+        pass
+    with pytest.raises(InputError, match="is a folder"), replacing(tmp_path):
+        pass

@@ -1,0 +1,106 @@
+"""Following a video: every frame gets its row, bad frames too, and the report counts them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from moveit6d.datasets.pose_files import PoseRow
+from moveit6d.datasets.video import Frame
+from moveit6d.estimation import PoseTracker, StopReason, TrackingResult
+from moveit6d.evaluation.metrics import add
+from moveit6d.evaluation.run_tracker import Record, Step, follow
+from moveit6d.geometry.pose import Pose
+from moveit6d.policies import OraclePolicy
+from moveit6d.rendering.renderer import make_renderer
+
+
+@pytest.fixture
+def tracker(scene: Any) -> PoseTracker:
+    """Follows the brick of frame 0 by knowing its pose; starts a little off."""
+    true = scene.pose(0)
+    start = Pose(true.rotation, true.translation + torch.tensor([0.004, -0.003, 0.01]))
+    oracle = OraclePolicy(Pose.stack([scene.mesh.inner(true)]))
+    return PoseTracker(scene.mesh, scene.camera, start, policy=oracle, renderer=make_renderer())
+
+
+def test_good_frames_get_poses(scene: Any, tracker: PoseTracker) -> None:
+    image = scene.image(0)
+    steps = list(follow(tracker, [Frame(5, "a.png", image), Frame(6, "b.png", image)]))
+    points = torch.from_numpy(scene.mesh.sample_points(100))
+    for step, (frame, name) in zip(steps, [(5, "a.png"), (6, "b.png")], strict=True):
+        row = step.row
+        assert (row.frame, row.image, row.stopped_by) == (frame, name, "stop_action")
+        assert row.pose is not None and row.milliseconds is not None and row.milliseconds > 0
+        assert float(add(row.pose, scene.pose(0), points)) < 0.003
+        assert step.error is None and step.confident
+    assert steps[0].row.steps is not None and steps[0].row.steps > 2 and steps[1].row.steps == 1
+
+
+@pytest.mark.parametrize(
+    ("image", "words"),
+    [
+        (None, "cannot be read"),
+        (np.zeros((100, 160, 3), np.uint8), "160×100 but the camera is 160×120"),
+        (np.full((120, 160, 3), np.nan), "not finite"),
+        (np.zeros((120, 160), np.uint8), "expected shape"),
+    ],
+)
+def test_a_bad_frame_fails_alone(scene: Any, tracker: PoseTracker, image: Any, words: str) -> None:
+    good = scene.image(0)
+    frames = [
+        Frame(0, "a", good),
+        Frame(1, "b", image, "b cannot be read." if image is None else None),
+        Frame(2, "c", good),
+    ]
+    steps = list(follow(tracker, frames))
+    assert [step.row.pose is None for step in steps] == [False, True, False]
+    assert steps[1].row == PoseRow(1, "b", stopped_by="failed")
+    assert steps[1].error is not None and words in steps[1].error
+
+
+def test_a_lost_object_has_no_pose_even_if_the_tracker_remembers_one() -> None:
+    class Lost:
+        def update(self, image: Any) -> tuple[TrackingResult, ...]:
+            pose = Pose.identity()
+            return (TrackingResult(pose, 3, StopReason.FAILED, 0.9, 5.0, "out of sight"),)
+
+    frame = Frame(0, "a", np.zeros((2, 2, 3), np.uint8))
+    (step,) = follow(Lost(), [frame])  # type: ignore[arg-type]
+    assert step.row.pose is None and step.error == "out of sight" and not step.confident
+
+
+def record_of(confidences: list[float | None]) -> Record:
+    record = Record()
+    for frame, confidence in enumerate(confidences):
+        pose = None if confidence is None else Pose.identity()
+        row = PoseRow(frame, pose=pose, confidence=confidence, milliseconds=float(frame))
+        error = "bad image" if confidence is None else None
+        record.add(Step(Frame(frame, "", None), row, error))
+    return record
+
+
+def test_the_report_counts_frames_failures_and_time() -> None:
+    facts = record_of([0.9, None, 0.8, 0.1]).facts()
+    assert facts["frames"] == 4 and facts["failed"] == 1
+    assert facts["failures"] == [{"frame": 1, "error": "bad image"}]
+    assert facts["mean_milliseconds"] == facts["median_milliseconds"] == 1.5
+    assert facts["lost_from_frame"] is None
+
+
+def test_nothing_tracked_has_no_times() -> None:
+    assert Record().facts()["median_milliseconds"] is None
+
+
+def test_fifteen_doubtful_frames_are_taken_for_lost() -> None:
+    assert record_of([0.9] * 3 + [0.2] * 14 + [0.9]).lost_from is None
+    assert record_of([0.9] * 3 + [0.2] * 7 + [None] * 8).lost_from == 3
+    assert record_of([0.9] * 3 + [0.2] * 30).lost_from == 3
+
+
+def test_only_so_many_failures_are_described() -> None:
+    record = record_of([None] * 150)
+    assert record.failed == 150 and len(record.failures) == 100

@@ -1,0 +1,223 @@
+"""Training pairs: truth fits picture, seeds repeat, augmentation keeps to its shares."""
+
+import numpy as np
+import pytest
+import torch
+
+from moveit6d.geometry.crop import Crop
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.networks.least_squares import cell_pixels, move_points, project_points, surface_points
+from moveit6d.synthesis.augmentation.backgrounds import procedural_photo
+from moveit6d.synthesis.augmentation.composing import soft_edge
+from moveit6d.synthesis.objects.shapes import random_object
+from moveit6d.synthesis.objects.symmetric_shapes import symmetric_object
+from moveit6d.synthesis.training.clusters import ClusterConfig
+from moveit6d.synthesis.training.pairs import PairConfig, PairGenerator, TrainingBatch
+from tests.support.pairs import objects, photos, preset
+
+
+@pytest.fixture(scope="module")
+def generator_parts() -> tuple[list[Mesh], list[np.ndarray]]:
+    random = np.random.default_rng(0)
+    photos = [procedural_photo(random, (160, 200)) for _ in range(4)]
+    return [random_object(random, photos) for _ in range(3)], photos
+
+
+def a_batch(parts: tuple[list[Mesh], list[np.ndarray]], seed: int = 0) -> TrainingBatch:
+    return PairGenerator(*parts, PairConfig(), seed).batch(8)
+
+
+def test_shapes_and_ranges(generator_parts: tuple[list[Mesh], list[np.ndarray]]) -> None:
+    batch = a_batch(generator_parts)
+    seen = batch.observation
+    assert seen.image.shape == (8, 3, 128, 128) and seen.depth.shape == (8, 1, 128, 128)
+    for picture in (seen.image, seen.rendering):
+        assert picture.min() >= 0 and picture.max() <= 1 and torch.isfinite(picture).all()
+    assert seen.depth.abs().max() < 0.6  # inside the sphere
+    assert (seen.mask.flatten(1).mean(1) > 0.01).all()
+    assert (batch.visible <= batch.true_mask).all()
+
+
+def test_the_same_seed_gives_the_same_pairs_and_another_one_others(
+    generator_parts: tuple[list[Mesh], list[np.ndarray]],
+) -> None:
+    first, again = a_batch(generator_parts), a_batch(generator_parts)
+    assert torch.equal(first.observation.image, again.observation.image)
+    assert torch.equal(first.counts, again.counts)
+    assert not torch.equal(a_batch(generator_parts, 1).counts, first.counts)
+
+
+@pytest.mark.parametrize("crop", ["look_at", "axis_parallel"])
+def test_the_counts_take_the_rendering_to_the_observed_object(
+    generator_parts: tuple[list[Mesh], list[np.ndarray]], crop: Crop
+) -> None:
+    """Surface points, moved by the counts, land on the true pose's surface where it shows."""
+    batch = PairGenerator(*generator_parts, PairConfig(crop=crop), 3).batch(8, "all_small")
+    assert bool(batch.direction.abs().max() > 0.2) == (crop == "axis_parallel")
+    seen = batch.observation
+    pixels = cell_pixels(4)
+    moved = move_points(
+        surface_points(seen.depth, seen.distance, pixels), seen.distance, batch.counts,
+        batch.direction,
+    )  # fmt: skip
+    on_object = seen.mask[:, 0, pixels[:, 1], pixels[:, 0]] > 0
+    goal = project_points(moved, seen.distance).round().long().clamp(0, 127)
+    sample = torch.arange(8)[:, None]
+    depth = batch.true_depth[sample, 0, goal[..., 1], goal[..., 0]] + seen.distance[:, None]
+    off = (depth - moved[..., 2]).abs()[on_object]
+    assert (off < 0.03).float().mean() > 0.85  # the rest turned away or lies on the outline
+
+
+def test_soft_edges_are_a_small_blur_outside_and_of_the_mask() -> None:
+    """Against a plain convolution: alpha, and colour times alpha outside of the object."""
+    generator = torch.Generator().manual_seed(0)
+    mask = (torch.rand(2, 1, 12, 12, generator=generator) > 0.5).float()
+    layer = torch.cat([torch.rand(2, 3, 12, 12, generator=generator) * mask, mask], 1)
+    line = torch.tensor([0.25, 0.5, 0.25])
+    kernel = (line[:, None] * line).expand(4, 1, 3, 3)
+    wanted = torch.nn.functional.conv2d(layer, kernel, padding=1, groups=4)
+    wanted[:, :3] = torch.where(mask > 0.5, layer[:, :3] * wanted[:, 3:], wanted[:, :3])
+    assert torch.allclose(soft_edge(layer), wanted, atol=1e-6)
+
+
+@pytest.mark.parametrize("crop", ["look_at", "axis_parallel"])
+def test_a_true_move_lands_exactly(
+    generator_parts: tuple[list[Mesh], list[np.ndarray]], crop: Crop
+) -> None:
+    """After the counts themselves nothing is left, and the rendering is the true pose's."""
+    generator = PairGenerator(*generator_parts, PairConfig(crop=crop), 4)
+    batch = generator.batch(8, "all_large")
+    there = generator.advance(batch, batch.counts)
+    assert there.counts.abs().max() < 1e-3
+    assert (there.observation.mask != there.true_mask).float().mean() < 1e-3
+    assert (there.observation.depth - there.true_depth).abs().mean() < 1e-4
+    assert torch.equal(there.mesh, batch.mesh)
+
+
+def test_halfway_leaves_the_rest_and_shows_the_same_picture(
+    generator_parts: tuple[list[Mesh], list[np.ndarray]],
+) -> None:
+    """The counts that are left lead to the same truth, and the picture follows the crop."""
+    generator = PairGenerator(*generator_parts, PairConfig(), 5)
+    batch = generator.batch(8, "all_small")
+    halfway = generator.advance(batch, batch.counts / 2)
+    assert halfway.counts.norm(dim=1) == pytest.approx(batch.counts.norm(dim=1) / 2, rel=0.05)
+    again = generator.advance(halfway, halfway.counts)
+    direct = generator.advance(batch, batch.counts)
+    assert torch.allclose(again.observation.distance, direct.observation.distance, rtol=1e-4)
+    seen = (again.clear * direct.clear) > 0.5
+    off = (again.observation.image - direct.observation.image).abs().mean(1, keepdim=True)[seen]
+    assert off.mean() < 0.03, "sampled twice it is a little softer"
+
+
+ZOOMED = PairConfig(zoomed=0.5, zoom=(1.5, 1.9))
+
+
+def test_zoomed_pairs_show_the_same_larger_and_count_finer(
+    generator_parts: tuple[list[Mesh], list[np.ndarray]],
+) -> None:
+    meshes = generator_parts[0]
+    generator = PairGenerator(*generator_parts, ZOOMED, 7)
+    batch = generator.batch(64, "near")
+    larger = batch.zoom > 1
+    assert 20 <= larger.sum() <= 44
+    assert ((batch.zoom[larger] >= 1.5) & (batch.zoom[larger] <= 1.9)).all()
+    assert (batch.zoom[~larger] == 1).all()
+    area = batch.observation.mask.flatten(1).mean(1)
+    assert area[larger].mean() > 1.5 * area[~larger].mean()
+    # Back in metres the pair is one about the object as it is.
+    sphere = torch.tensor([meshes[int(i)].sphere_diameter for i in batch.mesh])
+    metres = batch.observation.distance * sphere / batch.zoom
+    low, high = ZOOMED.distance
+    assert ((metres > 0.99 * low * sphere) & (metres < 1.01 * high * sphere)).all()
+
+
+def test_policies_states_keep_their_zoom(
+    generator_parts: tuple[list[Mesh], list[np.ndarray]],
+) -> None:
+    generator = PairGenerator(*generator_parts, ZOOMED, 8)
+    batch = generator.batch(8, "all_small")
+    there = generator.advance(batch, batch.counts)
+    assert torch.equal(there.zoom, batch.zoom) and there.counts.abs().max() < 1e-4
+    assert (there.observation.depth - there.true_depth).abs().mean() < 1e-4
+
+
+def test_moves_that_lose_the_object_are_not_made(
+    generator_parts: tuple[list[Mesh], list[np.ndarray]],
+) -> None:
+    generator = PairGenerator(*generator_parts, PairConfig(), 6)
+    batch = generator.batch(4, "all_large")
+    away = generator.advance(batch, -10 * batch.counts)
+    assert torch.allclose(away.counts, batch.counts, atol=1e-3)
+    assert torch.allclose(away.observation.distance, batch.observation.distance, rtol=1e-5)
+
+
+def test_symmetric_objects_get_the_nearest_counts() -> None:
+    """A lathe's spin is in no counts, and the counts still lead to what is seen."""
+    random = np.random.default_rng(0)
+    meshes = [symmetric_object(random) for _ in range(6)]
+    meshes = [mesh for mesh in meshes if mesh.symmetries.continuous]
+    pictures = [procedural_photo(random, (160, 200)) for _ in range(2)]
+    generator = PairGenerator(meshes, pictures, PairConfig(), 0)
+    drawn = torch.zeros(12, 6, dtype=torch.float64)
+    drawn[:, 3:] = 8 * (torch.arange(36).reshape(12, 3) % 5 - 2)
+    batch = generator.compose(torch.arange(12) % len(meshes), drawn)
+    turns = batch.counts[:, 3:].norm(dim=1)
+    assert (turns <= drawn[:, 3:].norm(dim=1).float() + 0.6).all()
+    assert (turns < 0.8 * drawn[:, 3:].norm(dim=1).float()).any()
+    there = generator.advance(batch, batch.counts)
+    assert there.counts.abs().max() < 1.0
+    assert (there.observation.mask != there.true_mask).float().mean() < 0.005
+
+
+def test_renderings_have_colours_that_are_wrong_as_a_whole_and_from_place_to_place(
+    generator_parts: tuple[list[Mesh], list[np.ndarray]],
+) -> None:
+    def gains(config: PairConfig) -> torch.Tensor:
+        """What the colours of the same renderings are multiplied by."""
+        plain = PairConfig(texture_gain=0.0)
+        generators = [PairGenerator(*generator_parts, c, 0) for c in (plain, config)]
+        true, wrong = (g.batch(6).observation.rendering for g in generators)
+        bright = (true > 0.2) & (true < 0.6)
+        return (wrong / true.clamp_min(0.1))[bright] - 1
+
+    assert gains(PairConfig(texture_gain=0.0)).abs().max() == 0
+    whole = gains(PairConfig(texture_gain=0.2))
+    assert 0.05 < whole.abs().max() <= 0.2 + 1e-5
+    assert len(torch.unique(whole.round(decimals=3))) < 80
+    wave = gains(PairConfig(texture_gain=0.0, texture_wave=0.15))
+    assert 0.05 < wave.abs().max() <= 0.15 + 1e-5
+    assert len(torch.unique(wave.round(decimals=3))) > 80
+
+
+@pytest.mark.parametrize("name", ["paper", "realistic"])
+def test_presets_draw_whole_pairs(name: str) -> None:
+    generator = PairGenerator(list(objects()), list(photos()), preset(name), 0)
+    batch = generator.batch(10)
+    image = batch.observation.image
+    assert image.min() >= 0 and image.max() <= 1 and torch.isfinite(image).all()
+    assert ((image * 255).round() - image * 255).abs().max() < 1e-4
+    assert ((batch.clear == 0) | (batch.clear == 1)).all()
+    shown = batch.visible.flatten(1).sum(1) / batch.true_mask.flatten(1).sum(1).clamp_min(1)
+    assert 0.3 < shown.mean() < 1.0
+    again = PairGenerator(list(objects()), list(photos()), preset(name), 0).batch(10)
+    assert torch.equal(again.observation.image, image)
+
+
+def test_the_paper_s_pairs_have_its_other_numbers() -> None:
+    paper = preset("paper")
+    assert paper.clusters.shares() == (0.2, 0.2, 0.2, 0.2, 0.2, 0.0)
+    assert paper.clusters == ClusterConfig(), "the ranges are tested in test_clusters"
+    assert paper.augment.acts_on == "objects" and paper.hands.share == 0
+    assert (paper.augment.blurred, paper.augment.radial) == (0.75, 0.25)
+    assert (paper.augment.motion_sigma, paper.augment.radial_sigma) == (0.05, 0.05)
+
+
+def test_the_paper_s_photos_are_neither_blurred_nor_recoloured() -> None:
+    """What acts on the objects leaves the photo behind them as it is."""
+    grey = [np.full((150, 150, 3), 100, np.uint8)]
+    batch = PairGenerator(list(objects()), grey, preset("paper"), 0).batch(8)
+    corner = batch.observation.image[:, :, :6, :6]
+    untouched = (batch.clear * (1 - batch.true_mask))[:, :, :6, :6] > 0.5
+    assert untouched.float().mean() > 0.3
+    assert (corner == 100 / 255)[untouched.expand_as(corner)].float().mean() > 0.9
