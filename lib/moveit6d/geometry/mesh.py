@@ -21,6 +21,7 @@ from torch import Tensor
 from ..errors import InputError
 from .normals import smooth_normals
 from .pose import Pose
+from .hull import convex_hull
 from .mesh_files import read_mesh_file
 from .mesh_files.join import PLAIN
 from .symmetry import Symmetries
@@ -190,16 +191,6 @@ def largest_distance(points: NDArray[np.float64]) -> float:
         if len(block)
     )
     return math.sqrt(max(largest, 0.0))
-
-
-def convex_hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Those of the points (N, 3) that span their convex hull; all of them where they are flat."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        return np.asarray(points[ConvexHull(points).vertices])
-    except (QhullError, ValueError):  # flat or tiny: every point counts
-        return np.unique(points, axis=0)
 
 
 def _sphere_of_few(

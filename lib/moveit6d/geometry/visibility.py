@@ -1,0 +1,103 @@
+"""Whether a camera can see an object at a pose, judged by the object's own shape.
+
+Never renders; what hides the object is not known here.
+"""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .camera import Camera
+from .hull import enclosing_corners
+from .mesh import Mesh
+from .pose import Pose
+
+SMALLEST = 4.0  # pixels across below which nothing can be told of a pose
+NEAR = 1e-3  # of the object's size: what is nearer than this to the camera's plane has no pixel
+
+Points = NDArray[np.float64]
+
+
+def why_unseen(pose: Pose, mesh: Mesh, camera: Camera) -> str | None:
+    """Why the camera cannot see the mesh at a centred pose (unbatched), None if it can.
+
+    What counts is the convex hull: in front of the camera, reaching into the image, and not around
+    the camera itself.
+    """
+    body = _Body.of(mesh)
+    rotation, place = pose.rotation.numpy(), pose.translation.numpy()
+    corners = body.corners @ rotation.T + place  # (N, 3)
+    depth, size = float(place[2]), mesh.sphere_diameter
+    if depth <= 0 or corners[:, 2].max() <= 0:
+        return f"the object is behind the camera (z = {depth:.3g} m; z points forward)"
+    if body.holds(-rotation.T @ place):
+        return (
+            f"the camera is inside the object (z = {depth:.3g} m, object {size:.3g} m across); "
+            "check the unit of the mesh and of the pose"
+        )
+    pixels = _pixels(_in_front(corners, NEAR * size), camera)
+    low, high = pixels.min(0), pixels.max(0)
+    shape = np.array([camera.width, camera.height])
+    if (high < -0.5).any() or (low > shape - 0.5).any():
+        u, v = camera.fx * place[0] / depth + camera.cx, camera.fy * place[1] / depth + camera.cy
+        return (
+            f"the object is outside of the image (centre at pixel {u:.0f}, {v:.0f} of "
+            f"{camera.width}×{camera.height})"
+        )
+    if (high - low).max() < SMALLEST:
+        return (
+            f"the object is {(high - low).max():.2g} pixels wide; check the unit of the mesh (now "
+            f"{size:.3g} m across) and of the pose (z = {depth:.3g} m)"
+        )
+    return None
+
+
+class _Body:
+    """The corners of a convex body around a mesh, and its sides."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        from scipy.spatial import ConvexHull, QhullError
+
+        self.corners: Points = enclosing_corners(mesh.vertices.astype(np.float64))
+        try:
+            self._sides = ConvexHull(self.corners).equations
+        except (QhullError, ValueError):  # flat: nothing can be inside
+            self._sides = None
+
+    @staticmethod
+    def of(mesh: Mesh) -> _Body:
+        body = _BODIES.get(mesh)
+        if body is None:
+            body = _BODIES[mesh] = _Body(mesh)
+        return body
+
+    def holds(self, point: Points) -> bool:
+        if self._sides is None:
+            return False
+        return bool((self._sides[:, :3] @ point + self._sides[:, 3] < 0).all())
+
+
+_BODIES: WeakKeyDictionary[Mesh, _Body] = WeakKeyDictionary()
+
+
+def _in_front(corners: Points, near: float) -> Points:
+    """The corners beyond the near plane, and where the body's lines cross that plane."""
+    front = corners[:, 2] > near
+    if front.all():
+        return corners
+    ahead, behind = corners[front], corners[~front]
+    if not len(ahead):
+        return np.array([[0.0, 0.0, near]])
+    a, b = ahead[:: 1 + len(ahead) // 50], behind[:: 1 + len(behind) // 50]
+    share = (near - b[None, :, 2]) / (a[:, None, 2] - b[None, :, 2])
+    crossing = b[None] + share[..., None] * (a[:, None] - b[None])
+    return np.concatenate([ahead, crossing.reshape(-1, 3)])
+
+
+def _pixels(points: Points, camera: Camera) -> Points:
+    u = camera.fx * points[:, 0] / points[:, 2] + camera.cx
+    v = camera.fy * points[:, 1] / points[:, 2] + camera.cy
+    return np.stack([u, v], -1)
