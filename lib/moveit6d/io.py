@@ -16,6 +16,8 @@ from typing import Any
 
 from .errors import InputError
 
+LARGEST_TEXT = 512 * 2**20  # bytes
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
@@ -81,15 +83,30 @@ def read_json_list(path: Path) -> list[Any]:
     return content
 
 
-def _json(path: Path) -> Any:
+def read_text(path: Path) -> str:
+    """A text file in UTF-8, with or without a mark; `InputError` for anything else."""
     try:
-        return json.loads(path.read_text(encoding="utf-8-sig"))
+        if path.exists() and not path.is_file():  # a pipe would never end
+            raise InputError(f"{path} is not a regular file.")
+        if path.stat().st_size > LARGEST_TEXT:
+            raise InputError(f"{path} is larger than {LARGEST_TEXT >> 20} MB; that is no text.")
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"{path} does not exist.") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not a JSON file: {error}.") from error
+    except ValueError as error:  # not UTF-8, or a path with a zero byte
+        raise InputError(f"{path} is not a text file: {str(error)[:120]}.") from error
+
+
+def _json(path: Path) -> Any:
+    text = read_text(path)
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise InputError(f"{path} is not a JSON file: it is nested too deeply.") from None
+    except ValueError as error:  # its integers may also have too many digits
+        raise InputError(f"{path} is not a JSON file: {str(error)[:120]}.") from error
 
 
 def _finite(value: Any) -> Any:

@@ -14,7 +14,7 @@ LIGHTNING = ROOT / "lightning_modules"
 
 # From the bottom up; a room may import from lower floors and from its own floor.
 FLOORS = (
-    ("errors", "io", "parallel"),
+    ("errors", "checks", "io", "parallel"),
     ("geometry",),
     ("actions",),
     ("rendering",),

@@ -8,9 +8,9 @@ from PIL import Image
 
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh, bounding_sphere, largest_distance, sphere_diameters
-from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.mesh_files.content import Part
 from moveit6d.geometry.mesh_files.join import join
+from moveit6d.geometry.pose import Pose
 from tests.support import meshes
 
 TEXTURE = np.random.default_rng(0).integers(0, 255, (16, 8, 3), dtype=np.uint8)

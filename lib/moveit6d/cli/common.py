@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 DATASET_FORMATS = ("folders", "bop", "ycbv", "laval", "rbot")
 
+UNITS = ("m", "cm", "mm", "in")  # those of `geometry.mesh.METRES`, which takes seconds to import
+
 BAD_INPUT, NO_RENDERING, INTERRUPTED = 2, 3, 130
 
 EXIT_CODES = """

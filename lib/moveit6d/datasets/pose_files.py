@@ -14,6 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, TextIO
 
+from ..checks import number, whole
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.pose import Pose
@@ -58,13 +59,13 @@ def read_camera(path: Path) -> Camera:
             f"{path}: {', '.join(missing)} missing; a camera needs fx, fy, cx, cy (pixels), "
             "width and height."
         )
-    fx, fy, cx, cy = (_number(content[key], f"{path}: {key}") for key in ("fx", "fy", "cx", "cy"))
-    width, height = (_whole(content[key], f"{path}: {key}") for key in ("width", "height"))
+    fx, fy, cx, cy = (number(content[key], f"{path}: {key}") for key in ("fx", "fy", "cx", "cy"))
+    width, height = (whole(content[key], f"{path}: {key}") for key in ("width", "height"))
     distortion = content.get("distortion")
     if distortion is not None:
         if not isinstance(distortion, list):
             raise InputError(f"{path}: distortion must be the list [k1, k2, p1, p2, k3].")
-        distortion = tuple(_number(value, f"{path}: distortion") for value in distortion) or None
+        distortion = tuple(number(value, f"{path}: distortion") for value in distortion) or None
     try:
         return Camera(fx, fy, cx, cy, width, height, distortion)
     except InputError as error:
@@ -205,18 +206,19 @@ def _read_row(row: Mapping[str, str | None], where: str) -> PoseRow:
         numbers = [value for value in values if value is not None]
         if all(math.isfinite(value) for value in numbers):
             pose = Pose.checked(numbers[:9], numbers[9:], where=where)
+            pose = _not_millimetres(pose, where)
     frame = _optional(row["frame"], f"{where}: frame")
-    if frame is None or not frame.is_integer():
+    if frame is None or not frame.is_integer() or abs(frame) > 2**53:
         raise InputError(f"{where}: frame must be a whole number, found {row['frame']!r}.")
     steps = _optional(row.get("steps"), f"{where}: steps")
     return PoseRow(
         frame=int(frame),
         image=row.get("image") or "",
         pose=pose,
-        steps=None if steps is None else int(steps),
+        steps=None if steps is None else whole(steps, f"{where}: steps"),
         stopped_by=row.get("stopped_by") or "",
-        confidence=_optional(row.get("confidence"), f"{where}: confidence"),
-        milliseconds=_optional(row.get("milliseconds"), f"{where}: milliseconds"),
+        confidence=_finite(row.get("confidence"), f"{where}: confidence"),
+        milliseconds=_finite(row.get("milliseconds"), f"{where}: milliseconds"),
         reset=bool(_optional(row.get("reset"), f"{where}: reset") or 0),
         object=row.get("object") or "",
     )
@@ -237,6 +239,11 @@ def _cell(row: PoseRow, column: str) -> str:
     return f"{value:.4f}" if isinstance(value, float) else str(value)
 
 
+def _finite(text: str | None, where: str) -> float | None:
+    value = _optional(text, where)
+    return None if value is None else number(value, where)
+
+
 def _optional(text: str | None, where: str) -> float | None:
     text = (text or "").strip()
     if not text:
@@ -245,19 +252,6 @@ def _optional(text: str | None, where: str) -> float | None:
         return float(text)
     except ValueError:
         raise InputError(f"{where} must be a number, found {text!r}.") from None
-
-
-def _number(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{where} must be a number, found {value!r}.")
-    return float(value)
-
-
-def _whole(value: Any, where: str) -> int:
-    number = _number(value, where)
-    if not number.is_integer():
-        raise InputError(f"{where} must be a whole number, found {value!r}.")
-    return int(number)
 
 
 def _not_millimetres(pose: Pose, where: str) -> Pose:

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..errors import InputError
-from .normals import smooth_normals
-from .pose import Pose
 from .hull import convex_hull
 from .mesh_files import read_mesh_file
 from .mesh_files.join import PLAIN
+from .normals import smooth_normals
+from .pose import Pose
 from .symmetry import Symmetries
 from .symmetry_file import symmetries_beside
 

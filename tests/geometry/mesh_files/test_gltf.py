@@ -41,7 +41,7 @@ def test_vertex_colours_of_every_type(
         "float": lambda: linear(colors).astype("<f4"),
         "float4": lambda: linear(colors).astype("<f4"),
     }[kind]()
-    assert all_right(load(colored_glb(values, "f" != kind[0], material), tmp_path))
+    assert all_right(load(colored_glb(values, kind[0] != "f", material), tmp_path))
 
 
 def test_vertex_colours_times_texture_times_factor(tmp_path: Path) -> None:

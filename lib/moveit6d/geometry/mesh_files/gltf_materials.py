@@ -140,9 +140,7 @@ class Looks:
         sampler = self.file.items("samplers")[texture["sampler"]]
         return WRAPS[sampler.get("wrapS", 10497)], WRAPS[sampler.get("wrapT", 10497)]
 
-    def _meant(
-        self, factor: NDArray[np.float64], picture: Picture | None
-    ) -> NDArray[np.float64]:
+    def _meant(self, factor: NDArray[np.float64], picture: Picture | None) -> NDArray[np.float64]:
         generator = str(self.file.json["asset"].get("generator", ""))
         grey = np.abs(factor - TRIMESH_GREY).max() < 1e-6
         return np.ones(3) if picture is not None and "trimesh" in generator and grey else factor

@@ -40,7 +40,9 @@ def join(parts: list[Part]) -> Surface:
     vertex to vertex gets a patch of the atlas for each face if other parts have textures.
     """
     parts = [_single(part) for part in parts]
-    pictures = {None if p.texture is None else (p.texture.shape, p.texture.tobytes()) for p in parts}
+    pictures = {
+        None if p.texture is None else (p.texture.shape, p.texture.tobytes()) for p in parts
+    }
     if pictures == {None}:
         return _colored(parts)
     if len(pictures) == 1 and all(part.wrap == ("repeat", "repeat") for part in parts):

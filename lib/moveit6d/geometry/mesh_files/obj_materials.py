@@ -143,7 +143,9 @@ def _picture(
     return pictures[entry.name]
 
 
-def _mask(content: MeshContent, material: MtlMaterial, pictures: Pictures) -> NDArray[np.uint8] | None:
+def _mask(
+    content: MeshContent, material: MtlMaterial, pictures: Pictures
+) -> NDArray[np.uint8] | None:
     """The picture of `map_d`: its alpha if it has one, else its grey values."""
     picture = _picture(content, material, material.mask, pictures)
     if picture is None:
@@ -187,9 +189,7 @@ def _textured(
     )  # fmt: skip
 
 
-def _plain(
-    geometry: ObjGeometry, vertex: NDArray[np.int64], material: MtlMaterial | None
-) -> Part:
+def _plain(geometry: ObjGeometry, vertex: NDArray[np.int64], material: MtlMaterial | None) -> Part:
     used, faces = np.unique(vertex.reshape(-1), return_inverse=True)
     part = Part(geometry.points[used], faces.reshape(-1, 3))
     if geometry.colors is not None:

@@ -68,9 +68,7 @@ def _part(
         return Part(points, faces)
     content.name("face colours")
     split = np.arange(3 * len(faces)).reshape(-1, 3)
-    return Part(
-        points[faces].reshape(-1, 3), split, colors=np.repeat(colors[owner], 3, axis=0)
-    )
+    return Part(points[faces].reshape(-1, 3), split, colors=np.repeat(colors[owner], 3, axis=0))
 
 
 def _colors(rows: list[list[float]]) -> NDArray[np.uint8] | None:

@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 Index = NDArray[np.int64]
 
 
-def triangulated(
-    corners: Index, counts: Index, points: NDArray[np.float64]
-) -> tuple[Index, Index]:
+def triangulated(corners: Index, counts: Index, points: NDArray[np.float64]) -> tuple[Index, Index]:
     """Polygons as triangles of positions in `corners`: (T, 3), and the polygon of each (T,).
 
     Polygon k has `counts[k]` corners, which follow each other in `corners` (vertex numbers of
