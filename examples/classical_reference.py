@@ -109,9 +109,14 @@ def _new_points(
 
 
 def _fit(
-    pose: Pose, camera: Camera, frame: Grey | None, corners: Floats,
-    sides: NDArray[np.int64], pixels: NDArray[np.float32], points: Floats,
-) -> Pose:  # fmt: skip
+    pose: Pose,
+    camera: Camera,
+    frame: Grey | None,
+    corners: Floats,
+    sides: NDArray[np.int64],
+    pixels: NDArray[np.float32],
+    points: Floats,
+) -> Pose:
     """Robust Gauss-Newton on point distances and, with a frame, on distances from image edges."""
     for _ in range(8):
         rows, errors = _point_equations(pose, camera, pixels, points)
@@ -175,9 +180,12 @@ def _jacobian(pose: Pose, camera: Camera, points: Floats) -> Floats:
     x, y, z = (turned + pose.translation.numpy()).T
     zero = np.zeros_like(x)
     by_place = np.stack(
-        [np.stack([camera.fx / z, zero, -camera.fx * x / z**2], -1),
-         np.stack([zero, camera.fy / z, -camera.fy * y / z**2], -1)], 1
-    )  # fmt: skip
+        [
+            np.stack([camera.fx / z, zero, -camera.fx * x / z**2], -1),
+            np.stack([zero, camera.fy / z, -camera.fy * y / z**2], -1),
+        ],
+        1,
+    )
     a, b, c = turned.T
     by_turn = np.stack(
         [np.stack([zero, c, -b], -1), np.stack([-c, zero, a], -1), np.stack([b, -a, zero], -1)], 1

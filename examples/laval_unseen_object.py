@@ -3,7 +3,7 @@
     python examples/laval_unseen_object.py --output out/laval
     python examples/laval_unseen_object.py --laval DATA --sequence dog_occlusion_h_30 --output out
 
-The first line makes a small stand-in for the data set: a toy robot behind a board that hides
+The first line makes a small surrogate for the data set: a toy robot behind a board that hides
 30 % of it. On the command line: `moveit6d benchmark tracking --sequences DATA --report out`.
 """
 
@@ -16,11 +16,11 @@ from itertools import islice
 from pathlib import Path
 
 from moveit6d import InputError, PoseTracker, load_policy, make_renderer
-from moveit6d.datasets.catalog import open_dataset, stand_in
+from moveit6d.datasets.catalog import open_dataset, surrogate
 from moveit6d.datasets.pose_files import PoseRow
-from moveit6d.evaluation.track_scores import Surface, frame_errors, score
+from moveit6d.evaluation.track_scores import EvaluationPoints, frame_errors, score
 from moveit6d.synthesis.objects.demo_object import demo_object
-from moveit6d.synthesis.sequences.surrogate_datasets import Making, write_laval_stand_in
+from moveit6d.synthesis.sequences.surrogate_datasets import GenerationOptions, write_laval_surrogate
 from moveit6d.visualization.report import Run, write_report
 
 
@@ -39,8 +39,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # The data: sequences of any format look the same from here on.
     folder = args.laval or args.output / "data"
     if args.laval is None:
-        print("Making a stand-in for Laval …")
-        write_laval_stand_in(folder, {"robot": demo_object()}, Making(args.frames), [30])
+        print("Making a surrogate for Laval …")
+        write_laval_surrogate(
+            folder, {"robot": demo_object()}, GenerationOptions(args.frames), [30]
+        )
     found = {sequence.name: sequence for sequence in open_dataset(folder, "laval")}
     name = args.sequence or list(found)[-1]
     if name not in found:
@@ -55,13 +57,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for frame in islice(sequence.open(), sequence.first + 1, args.frames):
         result = tracker.update(frame.image)[0]
         rows[frame.index] = PoseRow(
-            frame.index, frame.name, result.pose, result.steps, result.stopped_by.value,
-            result.confidence, result.milliseconds,
-        )  # fmt: skip
+            frame.index,
+            frame.name,
+            result.pose,
+            result.iterations,
+            result.stopped_by.value,
+            result.confidence,
+            result.milliseconds,
+        )
 
     # The score: against the true poses of the frames that were followed.
     truth = {number: pose for number, pose in sequence.truth.items() if number in rows}
-    surface = Surface.of(mesh, symmetric=sequence.symmetric)
+    surface = EvaluationPoints.of(mesh, symmetric=sequence.symmetric)
     result_score = score(rows, truth, surface)
     verdict = (
         f"{name}: ADD below 10 % of the diameter in {100 * result_score.below_10:.1f} % of "
@@ -72,10 +79,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # The report: one HTML page.
     errors = {error.frame: error for error in frame_errors(rows, truth, surface)}
     run = Run(
-        title=name, verdict=verdict, mesh=mesh, camera=sequence.camera, frames=sequence.open(),
-        rows=rows, truth=truth, errors=errors,
-        facts={"data": f"{folder} {stand_in(folder)}", "weights": policy.source},
-    )  # fmt: skip
+        title=name,
+        verdict=verdict,
+        mesh=mesh,
+        camera=sequence.camera,
+        frames=sequence.open(),
+        rows=rows,
+        truth=truth,
+        errors=errors,
+        facts={"data": f"{folder} {surrogate(folder)}", "weights": policy.source},
+    )
     write_report(args.output / "report.html", run, renderer)
     print(f"Look at {args.output / 'report.html'}")
 

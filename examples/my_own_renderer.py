@@ -101,8 +101,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     args = parser.parse_args(arguments)
 
     mesh = demo_object() if args.mesh is None else Mesh.load(args.mesh, args.mesh_unit)
-    scene = Scene(mesh, seed=2, frames=args.frames, level="easy")
-    shots = [scene.shoot(number) for number in range(args.frames)]
+    scene = Scene(mesh, seed=2, frames=args.frames, difficulty="easy")
+    shots = [scene.render_frame(number) for number in range(args.frames)]
     renderers: list[Renderer] = [make_renderer("embree"), PointRenderer()]
 
     one, two = (patch(renderer, mesh, shots[0].pose) for renderer in renderers)
@@ -116,10 +116,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for renderer in renderers:
         policy = load_policy(args.weights)
         tracker = PoseTracker(mesh, scene.camera, shots[0].pose, policy=policy, renderer=renderer)
-        found = [tracker.update(shot.image)[0] for shot in shots[1:]]
+        found = [tracker.update(rendered.image)[0] for rendered in shots[1:]]
         errors = [
-            1000 * float((result.pose.translation - shot.pose.translation).norm())
-            for result, shot in zip(found, shots[1:], strict=True)
+            1000 * float((result.pose.translation - rendered.pose.translation).norm())
+            for result, rendered in zip(found, shots[1:], strict=True)
             if result.pose is not None
         ]
         pace = float(np.median([result.milliseconds for result in found]))

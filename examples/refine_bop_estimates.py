@@ -89,13 +89,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def make_data(root: Path, split: str, count: int) -> None:
     """Images of a toy robot with true poses, in BOP's layout."""
     robot = demo_object()
-    scene = Scene(robot, seed=3, frames=max(2, count), level="medium")
+    scene = Scene(robot, seed=3, frames=max(2, count), difficulty="medium")
 
     def images() -> Iterator[BopImage]:
         for number in range(count):
-            shot = scene.shoot(number)
-            truth = [Instance(1, shot.pose, shot.visible_fraction)]
-            yield BopImage(1, number, shot.image, scene.camera, truth)
+            rendered = scene.render_frame(number)
+            truth = [Instance(1, rendered.pose, rendered.visible_fraction)]
+            yield BopImage(1, number, rendered.image, scene.camera, truth)
 
     write_bop(root, split, {1: robot}, images())
 

@@ -36,7 +36,8 @@ def track(mesh_file: Path, video: Path, camera_file: Path, start_file: Path) -> 
             continue
         x, y, z = result.pose.translation.tolist()
         print(
-            f"frame {frame.index}: x {x:+.3f}  y {y:+.3f}  z {z:.3f} m, {result.steps} steps, "
+            f"frame {frame.index}: x {x:+.3f}  y {y:+.3f}  z {z:.3f} m, {result.iterations} "
+            "iterations, "
             f"confidence {result.confidence:.2f}, {result.milliseconds:.0f} ms"
         )
 
@@ -52,7 +53,7 @@ def main(files: list[str], frames: int = 30) -> None:
 
     with TemporaryDirectory() as place:
         clip = Path(place) / "clip"
-        write_sequence(clip, mesh=demo_object(), seed=1, frames=frames, level="easy")
+        write_sequence(clip, mesh=demo_object(), seed=1, frames=frames, difficulty="easy")
         names = ("mesh.glb", "frames", "camera.json", "start.json")
         track(*(clip / name for name in names))
 

@@ -33,7 +33,7 @@ from moveit6d.datasets.pose_files import (
     write_pose,
     write_poses,
 )
-from moveit6d.evaluation.track_scores import Surface, score
+from moveit6d.evaluation.track_scores import EvaluationPoints, score
 from moveit6d.geometry.rotation import exp_so3
 from moveit6d.synthesis.objects.mesh_file import write_glb
 
@@ -49,7 +49,7 @@ def main() -> int:
     )
     parser.add_argument("--visp", type=Path, required=True, help="the unpacked visp-images-data")
     parser.add_argument("--output", type=Path, required=True, help="folder for the results")
-    # Whatever else is given goes to `moveit6d track`: --weights, --threads, --max_steps …
+    # Whatever else is given goes to `moveit6d track`: --weights, --threads, --max_iterations …
     args, options = parser.parse_known_args()
     found = sorted(args.visp.rglob("mbt/cube.cao"))
     if not found:
@@ -75,18 +75,30 @@ def main() -> int:
     write_camera(output / "camera.json", camera)
     write_pose(output / "start.json", start)
     command = [
-        "track", "--mesh", str(output / "cube.glb"), "--mesh_unit", "m",
-        "--video", str(source / "cube"), "--camera", str(output / "camera.json"),
-        "--start", str(output / "start.json"), "--output", str(output / "track"),
-        "--threads", "1", *options,
-    ]  # fmt: skip
+        "track",
+        "--mesh",
+        str(output / "cube.glb"),
+        "--mesh_unit",
+        "m",
+        "--video",
+        str(source / "cube"),
+        "--camera",
+        str(output / "camera.json"),
+        "--start",
+        str(output / "start.json"),
+        "--output",
+        str(output / "track"),
+        "--threads",
+        "1",
+        *options,
+    ]
     print("moveit6d", " ".join(command))
     code = moveit6d(command)
     if code:
         return code
 
     track = {row.frame: row for row in read_poses(output / "track" / "poses.csv")}
-    result = score(track, dict(enumerate(reference)), Surface.of(mesh))
+    result = score(track, dict(enumerate(reference)), EvaluationPoints.of(mesh))
     print(
         f"ADD against the reference: mean {1000 * result.mean_add:.1f} mm, median "
         f"{1000 * result.median_add:.1f} mm; below 10 % of the diameter "
@@ -131,9 +143,12 @@ def read_pos(path: Path) -> Pose:
 
 
 def textured_box(
-    corners: NDArray[np.float64], sides: NDArray[np.int64], camera: Camera, pose: Pose,
+    corners: NDArray[np.float64],
+    sides: NDArray[np.int64],
+    camera: Camera,
+    pose: Pose,
     frame: NDArray[np.uint8],
-) -> Mesh:  # fmt: skip
+) -> Mesh:
     """The box with each visible side cut out of the frame, the others plain grey."""
     seen = {tuple(side) for side in visible_sides(pose, corners, sides)}
     pixels = camera.project(pose.transform(torch.from_numpy(corners))).numpy()

@@ -69,13 +69,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     # A clip of the object that training has not seen.
     mesh = Mesh.load(next(iter(sorted(meshes.iterdir()))), args.mesh_unit)
-    scene = Scene(mesh, seed=5, frames=args.frames, level="easy")
-    shots = [scene.shoot(number) for number in range(args.frames)]
+    scene = Scene(mesh, seed=5, frames=args.frames, difficulty="easy")
+    shots = [scene.render_frame(number) for number in range(args.frames)]
     tracker = PoseTracker(mesh, scene.camera, shots[0].pose, policy=load_policy(weights))
-    for number, shot in enumerate(shots[1:], 1):
-        found = tracker.update(shot.image)[0].pose
+    for number, rendered in enumerate(shots[1:], 1):
+        found = tracker.update(rendered.image)[0].pose
         if found is not None:
-            error = float((found.translation - shot.pose.translation).norm())
+            error = float((found.translation - rendered.pose.translation).norm())
             print(f"frame {number}: {1000 * error:.1f} mm off")
     print(f"Use it: moveit6d track --weights {weights} …")
 

@@ -1,6 +1,6 @@
 """What the networks are trained to do: dense truth for every cell, losses, and one-step scores.
 
-Never draws data and never optimises. METHOD 9b; PROTOTYPE's recipe.
+Never draws data and never optimises. docs/method.md has the terms.
 """
 
 from __future__ import annotations
@@ -12,9 +12,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from moveit6d.actions import expert_action
-from moveit6d.networks.cells import CellAnswer
 from moveit6d.networks.correlation import CorrelationOutput
-from moveit6d.networks.decision import Decision
+from moveit6d.networks.dense_prediction import DensePrediction
 from moveit6d.networks.least_squares import (
     cell_pixels,
     move_points,
@@ -23,6 +22,7 @@ from moveit6d.networks.least_squares import (
     slanted,
     surface_points,
 )
+from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.synthesis.training.pairs import TrainingBatch
 
 FARTHEST = 45.0  # pixels; cells that moved farther teach nothing
@@ -31,7 +31,7 @@ RIGHT = 0.10  # mean point error in diameters under which a pose counts as right
 
 @dataclass(frozen=True)
 class LossWeights:
-    """Weights of the terms, and the scale of each count in the regression terms."""
+    """Weights of the terms, and the scale of each axis in the regression terms."""
 
     matching: float = 0.5
     coarse: float = 0.05
@@ -40,17 +40,17 @@ class LossWeights:
     visibility: float = 0.2
     weight: float = 0.2
     solved: float = 1.0
-    counts: float = 1.5
+    delta: float = 1.5
     points: float = 2.0
     actions: float = 0.1
     confidence: float = 0.1
-    # A count of t_z moves a far object by a tenth of its diameter, so it must be the most exact.
+    # A unit of t_z moves a far object by a tenth of its diameter, so it must be the most exact.
     scale: tuple[float, float, float, float, float, float] = (4.0, 4.0, 2.0, 4.0, 4.0, 4.0)
     beta: float = 0.15
 
 
 @dataclass(frozen=True)
-class CellTruth:
+class DenseTruth:
     """True displacement (B, M, 2) in pixels, visibility and being on the object (B, M) in 0..1."""
 
     displacement: Tensor
@@ -58,37 +58,37 @@ class CellTruth:
     covered: Tensor
 
 
-def cell_truth(batch: TrainingBatch, stride: int) -> CellTruth:
+def dense_truth(batch: TrainingBatch, stride: int) -> DenseTruth:
     """Where each cell's surface point really is in the observed patch, and whether it shows."""
-    seen = batch.observation
-    pixels = cell_pixels(stride).to(seen.depth.device)
-    points = surface_points(seen.depth, seen.distance, pixels)
-    covered = seen.mask[:, 0, pixels[:, 1], pixels[:, 0]]
-    moved = move_points(points, seen.distance, batch.counts, batch.direction)
-    goal = project_points(moved, seen.distance)
+    observation = batch.observation
+    pixels = cell_pixels(stride).to(observation.depth.device)
+    points = surface_points(observation.depth, observation.distance, pixels)
+    covered = observation.mask[:, 0, pixels[:, 1], pixels[:, 0]]
+    moved = move_points(points, observation.distance, batch.delta, batch.direction)
+    goal = project_points(moved, observation.distance)
     nearest = goal.round().long()
-    size = seen.depth.shape[-1]
+    size = observation.depth.shape[-1]
     inside = ((nearest >= 0) & (nearest < size)).all(-1)
     column, row = nearest.clamp(0, size - 1).unbind(-1)
-    sample = torch.arange(len(seen), device=row.device)[:, None]
-    surface = batch.true_depth[sample, 0, row, column] + seen.distance[:, None]
+    sample = torch.arange(len(observation), device=row.device)[:, None]
+    surface = batch.true_depth[sample, 0, row, column] + observation.distance[:, None]
     shows = batch.visible[sample, 0, row, column] > 0.5
     same = (surface - moved[..., 2]).abs() < 0.06  # else another part of the object is in front
     visible = (inside & shows & same).float() * covered
-    return CellTruth(goal - pixels.to(goal)[None], visible, covered)
+    return DenseTruth(goal - pixels.to(goal)[None], visible, covered)
 
 
 def correlation_losses(
     output: CorrelationOutput, batch: TrainingBatch, radius: int, weights: LossWeights
 ) -> dict[str, Tensor]:
     """Every term of the correlation network's loss, unweighted, by name."""
-    coarse, fine = (cell_truth(batch, stride) for stride in (8, 4))
-    coarse_flow, coarse_seen, coarse_weight = _cell_losses(output.coarse, coarse, 3.0)
-    fine_flow, fine_seen, fine_weight = _cell_losses(output.fine, fine, 2.0)
-    scale = batch.counts.new_tensor(weights.scale)
-    counts = output.decision.counts
-    assert counts is not None
-    error = point_error(batch, counts)
+    coarse, fine = (dense_truth(batch, stride) for stride in (8, 4))
+    coarse_flow, coarse_seen, coarse_weight = _dense_losses(output.coarse, coarse, 3.0)
+    fine_flow, fine_seen, fine_weight = _dense_losses(output.fine, fine, 2.0)
+    scale = batch.delta.new_tensor(weights.scale)
+    delta = output.prediction.delta
+    assert delta is not None
+    error = point_error(batch, delta)
     right = is_right(batch, error.detach())
     return {
         "matching": matching_loss(output.matching, coarse, radius),
@@ -98,18 +98,16 @@ def correlation_losses(
         "visibility": coarse_seen + fine_seen,
         "weight": coarse_weight + fine_weight,
         "solved": functional.smooth_l1_loss(
-            output.solved / scale, batch.counts / scale, beta=weights.beta
+            output.solved / scale, batch.delta / scale, beta=weights.beta
         ),
-        "counts": functional.smooth_l1_loss(
-            counts / scale, batch.counts / scale, beta=weights.beta
-        ),
+        "delta": functional.smooth_l1_loss(delta / scale, batch.delta / scale, beta=weights.beta),
         "points": error.clamp_max(1.0).mean(),
-        "actions": action_loss(output.decision, batch),
+        "actions": action_loss(output.prediction, batch),
         "confidence": functional.binary_cross_entropy_with_logits(output.confidence_logit, right),
     }
 
 
-def matching_loss(logits: Tensor, truth: CellTruth, radius: int) -> Tensor:
+def matching_loss(logits: Tensor, truth: DenseTruth, radius: int) -> Tensor:
     """Cross-entropy of the correlation (B, cells, offsets) against the true displacement.
 
     The target is spread over the four nearest cells bilinearly, so its floor is about 1.1.
@@ -132,12 +130,12 @@ def matching_loss(logits: Tensor, truth: CellTruth, radius: int) -> Tensor:
     return (total * usable).sum() / usable.sum().clamp_min(1)
 
 
-def action_loss(decision: Decision, batch: TrainingBatch) -> Tensor:
+def action_loss(prediction: PolicyOutput, batch: TrainingBatch) -> Tensor:
     """Cross-entropy of the 13 logits against the expert.
 
     It stands in for the paper's Hamming distance of one-hot vectors, which has no useful gradient.
     """
-    return functional.cross_entropy(decision.logits, expert_action(batch.counts))
+    return functional.cross_entropy(prediction.logits, expert_action(batch.delta))
 
 
 def is_right(batch: TrainingBatch, error: Tensor) -> Tensor:
@@ -148,24 +146,24 @@ def is_right(batch: TrainingBatch, error: Tensor) -> Tensor:
     return (error < RIGHT * batch.zoom.to(error)).float()
 
 
-def point_error(batch: TrainingBatch, counts: Tensor) -> Tensor:
-    """Mean distance (B,) of visible-side surface points after the move and at the truth, diameters.
+def point_error(batch: TrainingBatch, delta: Tensor) -> Tensor:
+    """Mean distance (B,) of visible surface points after the update and at the truth, diameters.
 
     An ADD over the half of the surface that the rendering shows.
     """
-    seen = batch.observation
-    pixels = cell_pixels(8).to(seen.depth.device)
-    points = surface_points(seen.depth, seen.distance, pixels)
-    covered = seen.mask[:, 0, pixels[:, 1], pixels[:, 0]]
-    moved = move_points(points, seen.distance, counts, batch.direction)
-    goal = move_points(points, seen.distance, batch.counts, batch.direction)
+    observation = batch.observation
+    pixels = cell_pixels(8).to(observation.depth.device)
+    points = surface_points(observation.depth, observation.distance, pixels)
+    covered = observation.mask[:, 0, pixels[:, 1], pixels[:, 0]]
+    moved = move_points(points, observation.distance, delta, batch.direction)
+    goal = move_points(points, observation.distance, batch.delta, batch.direction)
     apart = slanted(moved - goal, batch.direction)
     distance = (apart.square().sum(-1) + 1e-8).sqrt()
     return (distance * covered).sum(1) / covered.sum(1).clamp_min(1)
 
 
-def _cell_losses(
-    answer: CellAnswer, truth: CellTruth, softness: float
+def _dense_losses(
+    answer: DensePrediction, truth: DenseTruth, softness: float
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Robust displacement error on visible cells, visibility and weight on the object's cells."""
     found = answer.displacement.flatten(2).mT
@@ -181,7 +179,7 @@ def _cell_losses(
     )
 
 
-def shape_loss(answer: CellAnswer, truth: CellTruth) -> Tensor:
+def shape_loss(answer: DensePrediction, truth: DenseTruth) -> Tensor:
     """Length of the displacements' errors as the stated precision measures it.
 
     The precision has determinant 1, so this is least where it is the errors' inverse covariance up

@@ -29,15 +29,15 @@ from moveit6d.synthesis.training.source import PairSource, mesh_files
 
 @dataclass(frozen=True)
 class RolloutConfig:
-    """Training on the states that the network itself leads to (METHOD 9d).
+    """Training on the states that the network itself leads to.
 
-    After each batch of new pictures one more batch shows the same ones after 1 to `cycles` cycles
-    of the network in `weights` (.safetensors; None: what this fit itself exports), which is read
-    anew whenever it changes; no such file yet, or no cycles, no such batches.
+    After each batch of new pictures one more batch shows the same ones after 1 to `iterations`
+    iterations of the network in `weights` (.safetensors; None: what this fit itself exports), which
+    is read anew whenever it changes; no such file yet, or no iterations, no such batches.
     """
 
     weights: Path | None = None
-    cycles: int = 0
+    iterations: int = 0
 
 
 class PairDataModule(pl.LightningDataModule):
@@ -52,7 +52,7 @@ class PairDataModule(pl.LightningDataModule):
         occluders: folder of meshes for the bank of occluders; None: the training meshes.
         shapes: random shapes with photo textures beside the meshes.
         symmetric: share of those that are symmetric and say so.
-        bare: share of those that are copies of the meshes without their print.
+        untextured: share of those that are copies of the meshes without their texture.
         renew_every: batches after which one random shape is replaced by a new one; 0: never.
         written: folder of `moveit6d write-pairs`; None: pairs are drawn as training goes.
         batch_size: pairs a batch, in each training process.
@@ -73,7 +73,7 @@ class PairDataModule(pl.LightningDataModule):
         occluders: Path | None = None,
         shapes: int = 60,
         symmetric: float = 0.0,
-        bare: float = 0.0,
+        untextured: float = 0.0,
         renew_every: int = 50,
         written: Path | None = None,
         batch_size: int = 32,
@@ -87,7 +87,7 @@ class PairDataModule(pl.LightningDataModule):
         self.folder, self.mesh_unit, self.holdout = meshes, mesh_unit, holdout
         self.photos, self.photo_limit = photos, photo_limit
         self.occluders, self.written = occluders, written
-        self.shapes, self.symmetric, self.bare = shapes, symmetric, bare
+        self.shapes, self.symmetric, self.untextured = shapes, symmetric, untextured
         self.renew_every = renew_every
         self.batch_size, self.workers = batch_size, workers
         self.validation_batches, self.seed = validation_batches, seed
@@ -116,9 +116,13 @@ class PairDataModule(pl.LightningDataModule):
             stream = self._written_stream(self.written)
         else:
             stream = PairStream(
-                self.source(), self.batch_size, self.renew_every, (self.seed, self._step()),
-                self._rollouts(), self._rank() * max(1, self.workers),
-            )  # fmt: skip
+                self.source(),
+                self.batch_size,
+                self.renew_every,
+                (self.seed, self._step()),
+                self._rollouts(),
+                self._rank() * max(1, self.workers),
+            )
         return DataLoader(
             stream,
             batch_size=None,
@@ -149,15 +153,22 @@ class PairDataModule(pl.LightningDataModule):
         shapes = self.shapes if paths else max(1, self.shapes)
         others = mesh_files(self.occluders) if self.occluders is not None else []
         return PairSource(
-            tuple(paths), self.mesh_unit, self.photos, self.photo_limit, shapes, self.pairs,
-            self.symmetric, tuple(others), self.bare,
-        )  # fmt: skip
+            tuple(paths),
+            self.mesh_unit,
+            self.photos,
+            self.photo_limit,
+            shapes,
+            self.pairs,
+            self.symmetric,
+            tuple(others),
+            self.untextured,
+        )
 
     def _written_stream(self, folder: Path) -> WrittenStream:
-        if self.rollouts.cycles:
+        if self.rollouts.iterations:
             raise InputError(
                 "Rollouts need meshes to render, and written pairs have none: set "
-                "data.rollouts.cycles to 0 or data.written to null."
+                "data.rollouts.iterations to 0 or data.written to null."
             )
         return WrittenStream(
             folder, self.batch_size, self.seed, self._step(), self._rank(), self._processes()
@@ -186,9 +197,14 @@ class PairStream(IterableDataset[TrainingBatch]):
     """
 
     def __init__(
-        self, source: PairSource, batch_size: int, renew_every: int, seed: tuple[int, int],
-        rollouts: RolloutConfig | None = None, first: int = 0,
-    ) -> None:  # fmt: skip
+        self,
+        source: PairSource,
+        batch_size: int,
+        renew_every: int,
+        seed: tuple[int, int],
+        rollouts: RolloutConfig | None = None,
+        first: int = 0,
+    ) -> None:
         super().__init__()
         self.source, self.batch_size = source, batch_size
         self.renew_every, self.seed, self.first = renew_every, seed, first
@@ -212,7 +228,7 @@ class PairStream(IterableDataset[TrainingBatch]):
             batch = generator.batch(self.batch_size)
             yield batch
             if student.ready():
-                for _ in range(int(random.integers(1, student.cycles + 1))):
+                for _ in range(int(random.integers(1, student.iterations + 1))):
                     batch = generator.advance(batch, student.moves(batch.observation))
                 yield batch
 
@@ -240,13 +256,13 @@ class _Student:
     """The network as it was last exported, or nobody."""
 
     def __init__(self, config: RolloutConfig) -> None:
-        self.path, self.cycles = config.weights, config.cycles
+        self.path, self.iterations = config.weights, config.iterations
         self.network: InferenceNetwork | None = None
         self.changed = 0.0
 
     def ready(self) -> bool:
         """Whether there is a network to ask; reads it if it is new."""
-        if not self.cycles or self.path is None or not Path(self.path).exists():
+        if not self.iterations or self.path is None or not Path(self.path).exists():
             return False
         changed = Path(self.path).stat().st_mtime
         if self.network is None or changed != self.changed:
@@ -254,13 +270,13 @@ class _Student:
             self.changed = changed
         return True
 
-    def moves(self, seen: Observation) -> Tensor:
-        """Its six counts (B, 6) for a batch."""
+    def moves(self, observation: Observation) -> Tensor:
+        """Its pose delta (B, 6) for a batch."""
         assert self.network is not None
-        counts = self.network(seen).counts
-        if counts is None:
+        delta = self.network(observation).delta
+        if delta is None:
             raise InputError("Rollouts need a network that answers for all six axes.")
-        return counts
+        return delta
 
 
 class _Fixed(Dataset[TrainingBatch]):

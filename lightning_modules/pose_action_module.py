@@ -79,7 +79,7 @@ class PoseActionModule(pl.LightningModule):
     def training_step(self, batch: TrainingBatch, _: int) -> Tensor:
         """One loss; its terms are logged as `train/NAME`."""
         loss, values = self._shared_step(batch)
-        size = len(batch.counts)
+        size = len(batch.delta)
         self.log_dict({f"train/{name}": value for name, value in values.items()}, batch_size=size)
         self.log("loss", loss, prog_bar=True, batch_size=size)
         return loss
@@ -88,16 +88,16 @@ class PoseActionModule(pl.LightningModule):
         """The same terms on held-out objects, logged as `val/NAME`."""
         loss, values = self._shared_step(batch)
         values["loss"] = loss
-        size = len(batch.counts)
+        size = len(batch.delta)
         # Of all training processes together, each of which has a part of the batches.
         named = {f"val/{name}": value for name, value in values.items()}
         self.log_dict(named, batch_size=size, sync_dist=True)
 
     def _shared_step(self, batch: TrainingBatch) -> tuple[Tensor, dict[str, Tensor]]:
         if isinstance(self.network, ActionNet):
-            decision, _ = self.network(batch.observation)
-            loss = action_loss(decision, batch)
-            right = decision.logits.argmax(-1) == expert_action(batch.counts)
+            prediction, _ = self.network(batch.observation)
+            loss = action_loss(prediction, batch)
+            right = prediction.logits.argmax(-1) == expert_action(batch.delta)
             return loss, {"actions": loss.detach(), "accuracy": right.float().mean()}
         early = self.training and self.global_step < self.matching_steps
         output = self.network(batch.observation, matching_only=early)
@@ -106,12 +106,12 @@ class PoseActionModule(pl.LightningModule):
             [value * getattr(self.weights, name) for name, value in terms.items()]
         ).sum()
         values = {name: value.detach() for name, value in terms.items()}
-        counts = output.decision.counts
-        assert counts is not None
+        delta = output.prediction.delta
+        assert delta is not None
         values["error_left"] = (
-            (counts - batch.counts).abs().sum() / batch.counts.abs().sum()
+            (delta - batch.delta).abs().sum() / batch.delta.abs().sum()
         ).detach()
-        values["right"] = is_right(batch, point_error(batch, counts.detach())).mean()
+        values["right"] = is_right(batch, point_error(batch, delta.detach())).mean()
         return loss, values
 
     def configure_optimizers(self) -> Any:

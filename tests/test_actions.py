@@ -12,12 +12,13 @@ from scipy.spatial.transform import Rotation
 from moveit6d.actions import (
     ActionSpace,
     PoseAction,
-    difference,
     expert_action,
-    expert_difference,
+    expert_delta,
+    pose_delta,
 )
 from moveit6d.geometry.camera import project
-from moveit6d.geometry.crop import OBJECT_SIZE, axis_parallel, look_at
+from moveit6d.geometry.crop import OBJECT_SIZE, Crop, axis_parallel, look_at
+from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3, random_rotations
 
@@ -30,8 +31,10 @@ def a_pose(seed: int = 0) -> Pose:
     return Pose(random_rotations(1, generator)[0], place)
 
 
-def after(counts: list[float], pose: Pose) -> Pose:
-    return PoseAction.of(torch.tensor(counts, dtype=torch.float64)).apply(pose, DIAMETER)
+def after(delta: list[float], pose: Pose) -> Pose:
+    return PoseAction.from_delta(torch.tensor(delta, dtype=torch.float64)).apply_centred(
+        pose, DIAMETER
+    )
 
 
 def patch_pixel(pose: Pose, goal: Pose) -> torch.Tensor:
@@ -54,17 +57,17 @@ def test_one_unit_of_shift_is_one_patch_pixel_right_and_down() -> None:
 
 def test_in_an_axis_parallel_crop_turns_are_about_the_cameras_own_axes() -> None:
     pose = a_pose()
-    counts = torch.tensor([3.0, -4.0, 2.0, 1.0, 2.0, -3.0], dtype=torch.float64)
-    moved = PoseAction.of(counts).apply(pose, DIAMETER, "axis_parallel")
+    delta = torch.tensor([3.0, -4.0, 2.0, 1.0, 2.0, -3.0], dtype=torch.float64)
+    moved = PoseAction.from_delta(delta).apply_centred(pose, DIAMETER, "axis_parallel")
     view = axis_parallel(pose, DIAMETER)
     shift = project(moved.translation, view.intrinsics) - project(pose.translation, view.intrinsics)
-    torch.testing.assert_close(shift, counts[:2])
+    torch.testing.assert_close(shift, delta[:2])
     turn = Rotation.from_matrix((moved.rotation @ pose.rotation.mT).numpy())
-    assert np.allclose(turn.as_rotvec(degrees=True), counts[3:].numpy(), atol=1e-9)
+    assert np.allclose(turn.as_rotvec(degrees=True), delta[3:].numpy(), atol=1e-9)
     width = view.intrinsics[0, 0] * DIAMETER / moved.translation[2]
     assert width.item() == pytest.approx(OBJECT_SIZE + 2)
-    found = difference(pose, moved, DIAMETER, "axis_parallel")
-    torch.testing.assert_close(found, counts)
+    found = pose_delta(pose, moved, DIAMETER, "axis_parallel")
+    torch.testing.assert_close(found, delta)
 
 
 # Convention: "t_z: one unit makes the projected diameter one patch pixel larger (nearer)".
@@ -82,9 +85,9 @@ def test_one_unit_of_turn_is_one_degree_about_the_virtual_axes() -> None:
     pose = a_pose()
     view = look_at(pose, DIAMETER)
     for axis in range(3):
-        counts = [0.0] * 6
-        counts[3 + axis] = 1.0
-        turned = after(counts, pose)
+        delta = [0.0] * 6
+        delta[3 + axis] = 1.0
+        turned = after(delta, pose)
         turn = (view.rotation @ turned.rotation @ pose.rotation.mT @ view.rotation.mT).numpy()
         expected = np.zeros(3)
         expected[axis] = math.radians(1)
@@ -106,12 +109,12 @@ def test_the_three_turns_are_one_rotation_vector() -> None:
 
 
 count = st.floats(-40, 40, allow_nan=False)
-counts = st.tuples(*[count] * 6)
+delta = st.tuples(*[count] * 6)
 places = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.4, 0.4), st.floats(0.4, 3.0))
 turns = st.tuples(*[st.floats(-3, 3)] * 3)
 
 
-@given(counts, places, turns, st.floats(0.02, 0.3))
+@given(delta, places, turns, st.floats(0.02, 0.3))
 @settings(max_examples=200, deadline=None)
 def test_difference_is_the_exact_inverse_of_apply(
     values: tuple[float, ...], place: tuple[float, ...], turn: tuple[float, ...], size: float
@@ -121,32 +124,34 @@ def test_difference_is_the_exact_inverse_of_apply(
     )
     diameter = torch.tensor(size, dtype=torch.float64)
     wanted = torch.tensor(values, dtype=torch.float64)
-    moved = PoseAction.of(wanted).apply(pose, diameter)
-    torch.testing.assert_close(difference(pose, moved, diameter), wanted, atol=1e-9, rtol=0)
+    moved = PoseAction.from_delta(wanted).apply_centred(pose, diameter)
+    torch.testing.assert_close(pose_delta(pose, moved, diameter), wanted, atol=1e-9, rtol=0)
 
 
 @given(places, turns, places, turns)
 @settings(max_examples=100, deadline=None)
 def test_apply_is_the_exact_inverse_of_difference(
-    place_a: tuple[float, ...], turn_a: tuple[float, ...],
-    place_b: tuple[float, ...], turn_b: tuple[float, ...],
-) -> None:  # fmt: skip
+    place_a: tuple[float, ...],
+    turn_a: tuple[float, ...],
+    place_b: tuple[float, ...],
+    turn_b: tuple[float, ...],
+) -> None:
     a, b = (
         Pose(exp_so3(torch.tensor(w, dtype=torch.float64)), torch.tensor(t, dtype=torch.float64))
         for w, t in ((turn_a, place_a), (turn_b, place_b))
     )
     if float(look_at(a, DIAMETER).to_virtual(b).translation[2]) < 0.05:
-        return  # behind the virtual camera: `difference` is not defined there
-    found = PoseAction.of(difference(a, b, DIAMETER)).apply(a, DIAMETER)
+        return  # behind the virtual camera: `pose_delta` is not defined there
+    found = PoseAction.from_delta(pose_delta(a, b, DIAMETER)).apply_centred(a, DIAMETER)
     torch.testing.assert_close(found.matrix(), b.matrix(), atol=1e-9, rtol=0)
 
 
 def test_batches_give_what_single_poses_give() -> None:
     start = Pose.stack([a_pose(i) for i in range(4)])
     values = torch.randn(4, 6, dtype=torch.float64) * 10
-    batch = PoseAction.of(values).apply(start, DIAMETER.expand(4))
+    batch = PoseAction.from_delta(values).apply_centred(start, DIAMETER.expand(4))
     for i in range(4):
-        single = PoseAction.of(values[i]).apply(start[i], DIAMETER)
+        single = PoseAction.from_delta(values[i]).apply_centred(start[i], DIAMETER)
         torch.testing.assert_close(batch[i].matrix(), single.matrix())
 
 
@@ -154,51 +159,74 @@ def test_apply_is_differentiable() -> None:
     pose = a_pose()
 
     def move(values: torch.Tensor) -> torch.Tensor:
-        return PoseAction.of(values).apply(pose, DIAMETER).matrix()
+        return PoseAction.from_delta(values).apply_centred(pose, DIAMETER).matrix()
 
     assert torch.autograd.gradcheck(move, torch.zeros(6, dtype=torch.float64, requires_grad=True))
 
 
 def test_one_hot_to_and_fro() -> None:
     index = torch.arange(13)
-    action = PoseAction.from_index(index, step=3.0)
+    action = PoseAction.from_index(index, step_size=3.0)
     assert action.one_hot().argmax(-1).tolist() == index.tolist()
-    again = PoseAction.from_one_hot(action.one_hot(), step=3.0)
-    assert torch.equal(again.counts, action.counts) and torch.equal(again.stop, action.stop)
-    assert action.counts[ActionSpace.R_Y_MINUS].tolist() == [0, 0, 0, 0, -3, 0]
+    again = PoseAction.from_one_hot(action.one_hot(), step_size=3.0)
+    assert torch.equal(again.delta, action.delta) and torch.equal(again.stop, action.stop)
+    assert action.delta[ActionSpace.R_Y_MINUS].tolist() == [0, 0, 0, 0, -3, 0]
     assert action.stop.tolist() == [False] * 12 + [True]
 
 
-def test_a_move_along_two_axes_has_no_one_hot_vector() -> None:
-    with pytest.raises(ValueError, match="one single move"):
-        PoseAction.of(torch.tensor([1.0, 1, 0, 0, 0, 0])).one_hot()
+def test_an_update_along_two_axes_has_no_one_hot_vector() -> None:
+    with pytest.raises(ValueError, match="one single action"):
+        PoseAction.from_delta(torch.tensor([1.0, 1, 0, 0, 0, 0])).one_hot()
 
 
 def test_sums_of_actions_are_the_paper_s_v() -> None:
-    total = PoseAction.from_index(torch.tensor(0)) + PoseAction.from_index(torch.tensor(9))
-    assert total.counts.tolist() == [1, 0, 0, 0, -1, 0] and not total.stop
-    assert (total + PoseAction.from_index(torch.tensor(12))).stop
+    total = PoseAction.from_index(torch.tensor([0, 9])).delta.sum(0)
+    assert total.tolist() == [1, 0, 0, 0, -1, 0]
+
+
+@pytest.mark.parametrize("crop", ["look_at", "axis_parallel"])
+def test_updates_compose_and_invert_on_poses_of_the_mesh_file(brick: Mesh, crop: Crop) -> None:
+    pose = Pose(exp_so3(torch.tensor([0.3, -0.2, 0.5]).double()), torch.tensor([0.1, 0, 0.7]))
+    first = PoseAction.from_delta(torch.tensor([4.0, -3, 6, 10, -5, 20]))
+    second = PoseAction(torch.tensor([-2.0, 5, -4, 0, 15, -30]), torch.tensor(True))
+    middle = first.apply(pose, brick, crop)
+    end = second.apply(middle, brick, crop)
+    both = first.then(second, pose, brick, crop)
+    assert both.stop and torch.allclose(both.apply(pose, brick, crop).matrix(), end.matrix())
+    found = PoseAction.between(pose, middle, brick, crop)
+    torch.testing.assert_close(found.delta, first.delta.double())
+    back = first.inverse(pose, brick, crop).apply(middle, brick, crop)
+    assert torch.allclose(back.matrix(), pose.to(torch.float64).matrix())
+
+
+def test_an_update_changes_its_type_and_device() -> None:
+    action = PoseAction.from_delta(torch.ones(6)).to(torch.float64).to(torch.device("cpu"))
+    assert action.delta.dtype is torch.float64 and not action.stop
 
 
 def test_the_expert_shortens_the_largest_count_and_stops_in_time() -> None:
-    remaining = torch.tensor([
-        [3.0, -4, 0, 0, 0, 0], [0.4, -0.4, 0.4, 0, 0, 0],
-        [0, 0, 0, 0, 0, 7.0], [0, 0, -0.6, 0, 0, 0],
-    ])  # fmt: skip
+    remaining = torch.tensor(
+        [
+            [3.0, -4, 0, 0, 0, 0],
+            [0.4, -0.4, 0.4, 0, 0, 0],
+            [0, 0, 0, 0, 0, 7.0],
+            [0, 0, -0.6, 0, 0, 0],
+        ]
+    )
     wanted = [ActionSpace.T_Y_MINUS, ActionSpace.STOP, ActionSpace.R_Z_PLUS, ActionSpace.T_Z_MINUS]
     assert expert_action(remaining).tolist() == wanted
 
 
 def test_following_the_expert_ends_at_the_goal() -> None:
     goal = a_pose(3)
-    pose = PoseAction.of(torch.tensor([6.0, -4, 3, 5, -7, 2])).apply(goal, DIAMETER)
+    pose = PoseAction.from_delta(torch.tensor([6.0, -4, 3, 5, -7, 2])).apply_centred(goal, DIAMETER)
     for _ in range(60):
-        action = PoseAction.from_index(expert_action(difference(pose, goal, DIAMETER)))
+        action = PoseAction.from_index(expert_action(pose_delta(pose, goal, DIAMETER)))
         if action.stop:
             break
-        pose = action.apply(pose, DIAMETER)
+        pose = action.apply_centred(pose, DIAMETER)
     assert action.stop
-    assert difference(pose, goal, DIAMETER).abs().max() < 0.5
+    assert pose_delta(pose, goal, DIAMETER).abs().max() < 0.5
 
 
 def test_the_expert_takes_the_nearest_of_symmetric_goals() -> None:
@@ -207,6 +235,6 @@ def test_the_expert_takes_the_nearest_of_symmetric_goals() -> None:
     flip[:3, :3] = exp_so3(torch.tensor([0.0, 0.0, math.pi], dtype=torch.float64))
     symmetries = torch.stack([torch.eye(4, dtype=torch.float64), flip])
     start = after([2, 0, 0, 0, 3, 0], goal @ Pose.from_matrix(flip))
-    counts = expert_difference(start, goal, DIAMETER, symmetries)
-    assert counts.abs().max() < 5
-    assert expert_difference(start, goal, DIAMETER).abs().max() > 100
+    delta = expert_delta(start, goal, DIAMETER, symmetries)
+    assert delta.abs().max() < 5
+    assert expert_delta(start, goal, DIAMETER).abs().max() > 100

@@ -11,17 +11,17 @@ import pytest
 import torch
 
 from moveit6d.errors import InputError
-from moveit6d.parallel import Outcome, run_jobs
+from moveit6d.parallel import JobResult, run_jobs
 from tests.support import tasks
 
 
-def by_index(outcomes: Any) -> list[Outcome[Any]]:
-    return sorted(outcomes, key=lambda outcome: outcome.index)
+def by_index(outcomes: Any) -> list[JobResult[Any]]:
+    return sorted(outcomes, key=lambda job_result: job_result.index)
 
 
 def test_one_process_works_in_order_and_goes_on_after_bad_input() -> None:
     found = list(run_jobs(tasks.square, [2, 13, 3]))
-    assert [outcome.index for outcome in found] == [0, 1, 2]
+    assert [job_result.index for job_result in found] == [0, 1, 2]
     assert found[0].result == (4, os.getpid()) and found[2].result == (9, os.getpid())
     assert found[1].result is None and found[1].error == "13 brings bad luck."
     assert list(run_jobs(tasks.square, [])) == []
@@ -31,15 +31,15 @@ def test_two_workers_give_the_same_results_and_one_may_be_killed(tmp_path: Path)
     # 0 kills its worker once, 3 kills two of them; nothing else notices.
     items = [(number, tmp_path, {0: 1, 3: 2}.get(number, 0)) for number in range(6)]
     found = by_index(run_jobs(tasks.square_or_die, items, jobs=2))
-    assert [outcome.result for outcome in found] == [0, 1, 4, None, 16, 25]
+    assert [job_result.result for job_result in found] == [0, 1, 4, None, 16, 25]
     assert "died 2 times" in str(found[3].error)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["0.0", "3.0", "3.1"]
 
 
 def test_workers_are_other_processes_and_bad_input_is_an_outcome() -> None:
     found = by_index(run_jobs(tasks.square, [5, 13, 6, 7], jobs=2))
-    assert [outcome.error for outcome in found] == [None, "13 brings bad luck.", None, None]
-    results = [outcome.result for outcome in found if outcome.result is not None]
+    assert [job_result.error for job_result in found] == [None, "13 brings bad luck.", None, None]
+    results = [job_result.result for job_result in found if job_result.result is not None]
     assert [square for square, _ in results] == [25, 36, 49]
     assert os.getpid() not in {process for _, process in results}
 
@@ -82,7 +82,7 @@ def test_a_ray_cluster_gives_the_same_results_and_one_worker_may_be_killed(tmp_p
     pytest.importorskip("ray")
     work = on_ray(tmp_path)
     found = by_index(run_jobs(work, [1, 13, 2, 5], ray="local"))
-    assert [outcome.result for outcome in found] == [1, None, 4, 25]
+    assert [job_result.result for job_result in found] == [1, None, 4, 25]
     assert found[1].error == "13 brings bad luck."
     assert (tmp_path / "killed").exists()
 

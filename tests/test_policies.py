@@ -5,51 +5,51 @@ import dataclasses
 import pytest
 import torch
 
-from moveit6d.actions import PoseAction, difference
+from moveit6d.actions import PoseAction, pose_delta
 from moveit6d.errors import InputError
 from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
 from moveit6d.networks.action_net import ActionNet
-from moveit6d.networks.decision import Decision
-from moveit6d.observation import Observation, turned
+from moveit6d.networks.policy_output import PolicyOutput
+from moveit6d.observation import Observation, rotated
 from moveit6d.policies import (
-    MoveMode,
+    ActionMode,
+    DihedralAugmentation,
+    LoopState,
     NetworkPolicy,
     OraclePolicy,
-    Situation,
-    TurnedPolicy,
-    choose_move,
-    turned_counts,
+    rotate_delta,
+    to_action,
 )
 from tests.support.observations import an_observation
 
 
-def a_decision(best: int, counts: list[float] | None) -> Decision:
+def a_prediction(best: int, delta: list[float] | None) -> PolicyOutput:
     logits = torch.zeros(1, 13)
     logits[0, best] = 5.0
-    return Decision(logits, None if counts is None else torch.tensor([counts]), torch.ones(1))
+    return PolicyOutput(logits, None if delta is None else torch.tensor([delta]), torch.ones(1))
 
 
 def test_single_moves_follow_the_highest_score() -> None:
-    action = choose_move(a_decision(9, [9.0] * 6), MoveMode.SINGLE, step=3.0)
-    assert action.counts.tolist() == [[0, 0, 0, 0, -3, 0]] and not action.stop.any()
-    assert choose_move(a_decision(12, None), MoveMode.SINGLE).stop.all()
+    action = to_action(a_prediction(9, [9.0] * 6), ActionMode.SINGLE, step_size=3.0)
+    assert action.delta.tolist() == [[0, 0, 0, 0, -3, 0]] and not action.stop.any()
+    assert to_action(a_prediction(12, None), ActionMode.SINGLE).stop.all()
 
 
 def test_all_axes_move_at_once_and_stop_when_nothing_is_left() -> None:
-    far = choose_move(a_decision(0, [3.5, 0, 0, 0, 0, -2]), MoveMode.ALL_AXES)
-    assert far.counts.tolist() == [[3.5, 0, 0, 0, 0, -2]] and not far.stop.any()
-    near = choose_move(a_decision(0, [0.2, 0, 0, 0, 0, 0.4]), MoveMode.ALL_AXES)
-    assert near.stop.all() and near.counts[0, 5] == pytest.approx(0.4)
-    assert choose_move(a_decision(12, [3.0] * 6), MoveMode.ALL_AXES).stop.all()
+    far = to_action(a_prediction(0, [3.5, 0, 0, 0, 0, -2]), ActionMode.ALL_AXES)
+    assert far.delta.tolist() == [[3.5, 0, 0, 0, 0, -2]] and not far.stop.any()
+    near = to_action(a_prediction(0, [0.2, 0, 0, 0, 0, 0.4]), ActionMode.ALL_AXES)
+    assert near.stop.all() and near.delta[0, 5] == pytest.approx(0.4)
+    assert to_action(a_prediction(12, [3.0] * 6), ActionMode.ALL_AXES).stop.all()
 
 
 def test_a_network_without_counts_cannot_move_all_axes() -> None:
     with pytest.raises(InputError, match="single"):
-        choose_move(a_decision(0, None), MoveMode.ALL_AXES)
+        to_action(a_prediction(0, None), ActionMode.ALL_AXES)
     with pytest.raises(InputError, match="single"):
-        NetworkPolicy(ActionNet(), MoveMode.ALL_AXES)
+        NetworkPolicy(ActionNet(), ActionMode.ALL_AXES)
 
 
 def test_the_oracle_knows_the_way() -> None:
@@ -57,12 +57,12 @@ def test_the_oracle_knows_the_way() -> None:
     place = torch.tensor([[0.0, 0, 1], [0.1, 0, 1]], dtype=torch.float64)
     truth = Pose(random_rotations(2, torch.Generator().manual_seed(0)), place)
     wanted = torch.tensor([[5.0, 0, 0, 0, 0, 0], [0, 0, 0, 0, -2.0, 0]], dtype=torch.float64)
-    start = PoseAction.of(-wanted).apply(truth, diameter)
-    decision = OraclePolicy(truth).decide(
-        an_observation(2), Situation(start, diameter, torch.arange(2))
+    start = PoseAction.from_delta(-wanted).apply_centred(truth, diameter)
+    prediction = OraclePolicy(truth).predict(
+        an_observation(2), LoopState(start, diameter, torch.arange(2))
     )
-    assert decision.logits.argmax(-1).tolist() == [0, 9]
-    torch.testing.assert_close(decision.counts, difference(start, truth, diameter))
+    assert prediction.logits.argmax(-1).tolist() == [0, 9]
+    torch.testing.assert_close(prediction.delta, pose_delta(start, truth, diameter))
 
 
 def test_in_a_mirror_the_counts_change_their_signs_as_poses_do() -> None:
@@ -75,11 +75,11 @@ def test_in_a_mirror_the_counts_change_their_signs_as_poses_do() -> None:
     rotation = random_rotations(20, generator).double()
     place = torch.rand(20, 3, generator=generator).double() * 0.1 + torch.tensor([0, 0, 0.7])
     pose, diameter = Pose(rotation, place), torch.full((20,), 0.15).double()
-    counts = torch.randn(20, 6, generator=generator).double() * 4
-    moved = PoseAction.of(counts).apply(pose, diameter)
-    other = difference(reflected(pose), reflected(moved), diameter)
-    signs = torch.tensor(TurnedPolicy.SIGNS).double()
-    torch.testing.assert_close(other, counts * signs, atol=1e-6, rtol=1e-6)
+    delta = torch.randn(20, 6, generator=generator).double() * 4
+    moved = PoseAction.from_delta(delta).apply_centred(pose, diameter)
+    other = pose_delta(reflected(pose), reflected(moved), diameter)
+    signs = torch.tensor(DihedralAugmentation.SIGNS).double()
+    torch.testing.assert_close(other, delta * signs, atol=1e-6, rtol=1e-6)
 
 
 @pytest.mark.parametrize("quarters", [-1, 0, 1, 2, 3])
@@ -97,59 +97,59 @@ def test_under_a_camera_that_rolls_the_counts_turn_as_poses_do(quarters: int) ->
     diameter = torch.full((20,), 0.15).double()
     # Straight ahead, where the look-at camera of the rolled pose is the rolled look-at camera.
     pose = Pose(rotation, torch.stack([0 * place[:, 0], 0 * place[:, 1], place[:, 2]], -1))
-    counts = torch.randn(20, 6, generator=generator).double() * 4
-    moved = PoseAction.of(counts).apply(pose, diameter)
-    other = difference(rolled(pose), rolled(moved), diameter)
-    torch.testing.assert_close(other, turned_counts(counts, quarters), atol=1e-6, rtol=1e-6)
+    delta = torch.randn(20, 6, generator=generator).double() * 4
+    moved = PoseAction.from_delta(delta).apply_centred(pose, diameter)
+    other = pose_delta(rolled(pose), rolled(moved), diameter)
+    torch.testing.assert_close(other, rotate_delta(delta, quarters), atol=1e-6, rtol=1e-6)
 
 
 @pytest.mark.parametrize("quarters", [1, 2, 3])
 def test_turned_patches_show_what_turned_counts_say(quarters: int) -> None:
     """A dot at a pixel is at the turned place in the turned patch."""
-    seen = an_observation(1)
-    image = torch.zeros_like(seen.image)
+    observation = an_observation(1)
+    image = torch.zeros_like(observation.image)
     image[0, :, 20, 100] = 1.0
-    shown = turned(dataclasses.replace(seen, image=image), quarters)
+    shown = rotated(dataclasses.replace(observation, image=image), quarters)
     row, column = (int(n) for n in shown.image[0, 0].nonzero()[0])
     place = torch.tensor([[100 - 63.5, 20 - 63.5, 0, 0, 0, 0]])
-    expected = turned_counts(place, quarters)[0, :2]
+    expected = rotate_delta(place, quarters)[0, :2]
     torch.testing.assert_close(torch.tensor([column - 63.5, row - 63.5]), expected)
-    assert torch.equal(shown.mask, torch.rot90(seen.mask, quarters, (2, 3)))
-    assert torch.equal(shown.distance, seen.distance)
+    assert torch.equal(shown.mask, torch.rot90(observation.mask, quarters, (2, 3)))
+    assert torch.equal(shown.distance, observation.distance)
 
 
 class Lopsided:
     """Sees everything too far to the right in the picture it is shown, and where red is."""
 
-    mode = MoveMode.ALL_AXES
+    mode = ActionMode.ALL_AXES
     crop: Crop = "look_at"
 
-    def decide(self, seen: Observation, situation: Situation) -> Decision:
-        red, line = seen.image[:, 0], torch.arange(128.0) - 63.5
+    def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
+        red, line = observation.image[:, 0], torch.arange(128.0) - 63.5
         x = (red * line).sum((1, 2)) / red.sum((1, 2))
         y = (red * line[:, None]).sum((1, 2)) / red.sum((1, 2))
-        counts = torch.stack([x + 2.0, y, 0 * x + 1.0, -y, x + 1.0, 0 * x], 1)
+        delta = torch.stack([x + 2.0, y, 0 * x + 1.0, -y, x + 1.0, 0 * x], 1)
         confidence = (x > 0).float()
-        return Decision(torch.zeros(len(seen), 13), counts, confidence)
+        return PolicyOutput(torch.zeros(len(observation), 13), delta, confidence)
 
 
 def test_what_is_wrong_on_one_side_cancels_in_all_ways_to_lay_it() -> None:
-    seen = an_observation(2)
-    image = torch.zeros_like(seen.image)
+    observation = an_observation(2)
+    image = torch.zeros_like(observation.image)
     image[0, :, 90, 70], image[1, :, 60, 50] = 1.0, 1.0
-    seen = dataclasses.replace(seen, image=image)
+    observation = dataclasses.replace(observation, image=image)
     pose = Pose(torch.eye(3).double().expand(2, 3, 3), torch.tensor([[0, 0, 0.7]] * 2).double())
-    situation = Situation(pose, torch.ones(2).double(), torch.arange(2))
-    decision = TurnedPolicy(Lopsided()).decide(seen, situation)
-    assert decision.counts is not None
+    state = LoopState(pose, torch.ones(2).double(), torch.arange(2))
+    prediction = DihedralAugmentation(Lopsided()).predict(observation, state)
+    assert prediction.delta is not None
     expected = [[6.5, 26.5, 1.0, -26.5, 6.5, 0.0], [-13.5, -3.5, 1.0, 3.5, -13.5, 0.0]]
-    torch.testing.assert_close(decision.counts, torch.tensor(expected))
-    torch.testing.assert_close(decision.confidence, torch.full((2,), 0.5))
+    torch.testing.assert_close(prediction.delta, torch.tensor(expected))
+    torch.testing.assert_close(prediction.confidence, torch.full((2,), 0.5))
 
 
 def test_single_actions_are_not_turned() -> None:
     policy = NetworkPolicy(ActionNet())
     pose = Pose(torch.eye(3).double()[None], torch.tensor([[0, 0, 0.7]]).double())
-    situation = Situation(pose, torch.ones(1).double(), torch.arange(1))
-    decision = TurnedPolicy(policy).decide(an_observation(1), situation)
-    assert decision.counts is None
+    state = LoopState(pose, torch.ones(1).double(), torch.arange(1))
+    prediction = DihedralAugmentation(policy).predict(an_observation(1), state)
+    assert prediction.delta is None

@@ -23,7 +23,7 @@ write() { # FOLDER [CONFIG …]: the pairs that every network of a group is give
 }
 train() { # NAME RATE MATCHING_STEPS CONFIG … -- OPTION …: weights in OUTPUT/NAME
     local name=$1 rate=$2 matching=$3 configs=() sizes=()
-    [ "$name" = paper ] || sizes=(--model.network.init_args.config.deeper '[0, 0, 0]')
+    [ "$name" = paper ] || sizes=(--model.network.init_args.config.extra_blocks '[0, 0, 0]')
     shift 3
     [ -e "$output/$name/done" ] && return
     while [ "$1" != -- ]; do configs+=(--config "$1") && shift; done
@@ -41,7 +41,7 @@ written() { # NAME RATE PAIRS SEED CONFIG …: trained on pairs that were writte
 drawn() { # NAME CYCLES: as many steps more of `correlation`, on pairs that are drawn as it goes
     train "$1" 5e-4 0 "$correlation" -- --model.init_from "$output/correlation/weights.safetensors" \
         --data.meshes "$meshes" --data.photos "$photos" --data.shapes 40 --data.seed 2 \
-        --data.rollouts.cycles "$2"
+        --data.rollouts.iterations "$2"
 }
 measure() { # NAME FOLDER [OPTION …]: a row of the table
     local name=$1 weights=$output/$2/weights.safetensors small large
@@ -50,8 +50,8 @@ measure() { # NAME FOLDER [OPTION …]: a row of the table
     printf '| %s | %s | %s |\n' "$name" "$small" "$large"
 }
 figures() { # WEIGHTS CLUSTER [OPTION …]: ADD < 5 %, < 10 %, median steps, AUROC of the confidence
-    moveit6d benchmark rendered --weights "$1" --objects "$objects" --photos "$backgrounds" \
-        --cluster "$2" --no_regions --no_search --threads 1 "${@:3}" |
+    moveit6d benchmark refinement --weights "$1" --objects "$objects" --photos "$backgrounds" \
+        --cluster "$2" --no_contour --no_multi_start --threads 1 "${@:3}" |
         awk '/^after/ { five = $3; ten = $4 } /^steps/ { median = $NF } /^confidence/ { auc = $3 }
              END { print five " | " ten " | " median " | " auc }'
 }

@@ -17,8 +17,8 @@ moveit6d() { .venv/bin/moveit6d "$@"; }
 measure() { # NAME CLUSTER [OPTION …]
     local name=$1 cluster=$2
     shift 2
-    moveit6d benchmark rendered --objects "$output/mesh" --photos "$backgrounds" --cluster "$cluster" \
-        --no_regions --threads 1 --number 100 "$@" |
+    moveit6d benchmark refinement --objects "$output/mesh" --photos "$backgrounds" --cluster "$cluster" \
+        --no_contour --threads 1 --number 100 "$@" |
         awk -v name="$name | $cluster" '/^after/ { five = $3; ten = $4 } /^steps/ { median = $NF }
              END { print "| " name " | " five " | " ten " | " median " |" }'
 }
@@ -34,7 +34,7 @@ moveit6d fit --config $config --threads 1 --data.written "$output/pairs" --data.
     --trainer.logger false --trainer.accelerator cpu --output "$output" >&2
 
 printf '| network | starts | < 5 %% | < 10 %% | median steps |\n|---|---|---|---|---|\n'
-long=(--max_steps 150) # single actions from far away need more than the usual 30
+long=(--max_iterations 150) # single actions from far away need more than the usual 30
 for cluster in one_large all_small all_large; do
     measure "the paper's, this object alone" $cluster "${long[@]}" \
         --weights "$output/weights.safetensors"

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Measure the shipped model on the evaluation data and write docs/results/ anew.
 #
-#   tools/results.sh SHARED [sequences|videos|images|rendered|options|single_actions|no_depth|
-#                            paper_network|stand_ins|cycle|oracle ...]
+#   tools/results.sh SHARED [sequences|videos|images|refinement|options|single_actions|no_depth|
+#                            paper_network|surrogates|iteration|oracle ...]
 #
 # SHARED holds bench/ and data/ (see docs/results/README.md). Without names, all of them: about an
 # hour on two cores. Nothing of this data is used for training.
@@ -46,7 +46,7 @@ images() {
         run evaluate bop --dataset "$data" --split test \
             --results "$work/initial_$start.csv" "$work/refined_$start.csv"
     done
-    run refine --dataset "$data" --split test --initial "$work/initial_small.csv" --no_regions \
+    run refine --dataset "$data" --split test --initial "$work/initial_small.csv" --no_contour \
         --output "$work/small_without_outline.csv"
     run evaluate bop --dataset "$data" --split test --results "$work/small_without_outline.csv"
     for start in refined_small small_without_outline; do
@@ -54,27 +54,27 @@ images() {
     done
 }
 contrast() { # whether these poses or the true ones fit the pictures better
-    shown .venv/bin/python tools/outline_contrast.py "$@"
-    .venv/bin/python tools/outline_contrast.py "$@"
+    shown .venv/bin/python tools/contour_contrast.py "$@"
+    .venv/bin/python tools/contour_contrast.py "$@"
     printf '\n'
 }
-rendered() {
+refinement() {
     printf '# Rendered objects that were never trained on\n\n'
-    all_rendered
+    all_refinement
 }
-all_rendered() { # [OPTION …]
+all_refinement() { # [OPTION …]
     local start
     for start in "all_small 0" "all_large 0" "all_large 1"; do
-        one_rendered "$start" "$@"
+        one_refinement "$start" "$@"
     done
 }
 both_tracked() { # OPTION …: made and real sequences, without rivals
     run benchmark tracking --sequences "$shared/bench/sequences" "$@" --jobs 2
     run benchmark tracking --sequences "$shared/data/real" "$@" --jobs 2
 }
-one_rendered() { # "CLUSTER COVERED" and further options
-    plain benchmark rendered --objects "$shared/data/dev_objects" \
-        --photos "$shared/data/dev_photos" --cluster "${1% *}" --covered "${1#* }" "${@:2}"
+one_refinement() { # "CLUSTER COVERED" and further options
+    plain benchmark refinement --objects "$shared/data/dev_objects" \
+        --photos "$shared/data/dev_photos" --cluster "${1% *}" --occluded "${1#* }" "${@:2}"
 }
 options() {
     local start
@@ -82,19 +82,19 @@ options() {
     printf 'without other starts in doubt; without what the first frame teaches; without the last word '
     printf 'of the outline as well.\n\n'
     for start in "all_small 0" "all_large 0"; do
-        one_rendered "$start" --no_regions
-        one_rendered "$start" --no_regions --single_actions
+        one_refinement "$start" --no_contour
+        one_refinement "$start" --no_contour --single_actions
     done
-    one_rendered "all_large 1" --no_search
-    run benchmark tracking --sequences "$shared/bench/sequences" --no_learning
-    run benchmark tracking --sequences "$shared/bench/sequences" --no_learning --no_regions
+    one_refinement "all_large 1" --no_multi_start
+    run benchmark tracking --sequences "$shared/bench/sequences" --no_calibration
+    run benchmark tracking --sequences "$shared/bench/sequences" --no_calibration --no_contour
 }
 single_actions() {
     local data=$shared/data/real/lmo_dev start
-    local mode=(--single_actions --no_regions)
-    printf '# The paper'"'"'s policy: one of 13 actions a cycle\n\nThe shipped network without what goes '
+    local mode=(--single_actions --no_contour)
+    printf '# The paper'"'"'s policy: one of 13 actions an iteration\n\nThe shipped network without what goes '
     printf 'past the paper: outline, search, and what the first frame teaches.\n\n'
-    both_tracked "${mode[@]}" --no_learning
+    both_tracked "${mode[@]}" --no_calibration
     for start in small large keypoint_rgb; do
         run refine --dataset "$data" --split test --initial "$data/initial_$start.csv" \
             --output "$work/$start.csv" "${mode[@]}" --jobs 2
@@ -104,26 +104,26 @@ single_actions() {
 no_depth() {
     local weights=(--weights examples/no_depth/multi_object.safetensors)
     printf '# The paper'"'"'s ablation: a network that is not shown depth\n\n'
-    all_rendered "${weights[@]}"
+    all_refinement "${weights[@]}"
     both_tracked "${weights[@]}"
 }
 paper_network() {
     local weights=(--weights examples/paper_network/multi_object.safetensors) start
     printf '# The paper'"'"'s own network on many objects\n\n'
     for start in "one_large 0" "all_small 0" "all_large 0"; do
-        one_rendered "$start" "${weights[@]}" --no_regions --max_steps 150
+        one_refinement "$start" "${weights[@]}" --no_contour --max_iterations 150
     done
-    run benchmark tracking --sequences "$shared/bench/sequences" "${weights[@]}" --no_regions \
-        --no_learning --jobs 2
+    run benchmark tracking --sequences "$shared/bench/sequences" "${weights[@]}" --no_contour \
+        --no_calibration --jobs 2
 }
-stand_ins() {
+surrogates() {
     local objects=$shared/data/dev_objects dino=gso_dino_figure_occlusion_0 boot=gso_boot_occlusion_0
-    printf '# The paper'"'"'s tables and figures on stand-ins\n\n'
+    printf '# The paper'"'"'s tables and figures on surrogates\n\n'
     printf 'Rendered objects in the formats of Laval and YCB-Video, not those data sets themselves.\n\n'
     run synthesize sequence --format laval --output "$work/laval" --frames 45 \
         --mesh "$objects/gso_boot.glb" "$objects/gso_dino_figure.glb" \
         --photos "$shared/data/dev_photos"
-    run synthesize sequence --format ycbv --output "$work/ycbv" --count 3 --level easy --frames 40 \
+    run synthesize sequence --format ycbv --output "$work/ycbv" --count 3 --difficulty easy --frames 40 \
         --mesh "$objects/"{gz_cordless_drill,hope_mustard_bottle,gso_coffee_box,gso_mug_yellow}.glb \
         "$objects/gso_scissors_red.glb" --photos "$shared/data/dev_photos"
     reproduce ycb_add --data "$work/ycbv" --output "$work/ycb"
@@ -135,18 +135,18 @@ stand_ins() {
     reproduce detection --data "$work/laval" --only "$dino" "$boot" --frames 1 --rotations 30 \
         --sinks 2 --sizes 0.2 0.3 --output "$work/out"
     reproduce runtime --data "$work/laval" --only "$dino" --output "$work/out"
-    mkdir -p docs/results/stand_ins
-    cp "$work"/{ycb,out}/*.png docs/results/stand_ins
+    mkdir -p docs/results/surrogates
+    cp "$work"/{ycb,out}/*.png docs/results/surrogates
 }
 reproduce() { # its headings one level down, under ours
     run reproduce "$@" | sed 's/^#/##/'
 }
-cycle() {
-    printf '# Time of one cycle\n\n'
+iteration() {
+    printf '# Time of one iteration\n\n'
     local threads
     for threads in 1 2; do
-        plain benchmark cycle --threads "$threads"
-        plain benchmark cycle --threads "$threads" --float32
+        plain benchmark iteration --threads "$threads"
+        plain benchmark iteration --threads "$threads" --float32
     done
 }
 oracle() {
@@ -155,7 +155,7 @@ oracle() {
     plain benchmark oracle --starts 100 --renderer pyrender  # software OpenGL is slow
 }
 
-for name in "${@:-sequences videos images rendered options single_actions no_depth paper_network stand_ins cycle oracle}"; do
+for name in "${@:-sequences videos images refinement options single_actions no_depth paper_network surrogates iteration oracle}"; do
     for section in $name; do
         "$section" >"$work/$section.md"
         mv "$work/$section.md" "docs/results/$section.md"

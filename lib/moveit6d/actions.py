@@ -1,13 +1,14 @@
-"""The 13 actions, their sums (`PoseAction`), and the expert that knows which one is best.
+"""The 13 actions, `PoseAction`, and the expert that knows which action is best.
 
-Never renders and never knows a network. Counts are measured in the patch of the current pose:
+Never renders and never knows a network. A pose delta (..., 6) is measured in the crop of the pose
+that it starts from, in action units:
 
-* t_x, t_y: one unit moves the object's projected centre by one patch pixel (right, down);
-* t_z: one unit makes the projected diameter one patch pixel larger (the object comes nearer);
+* t_x, t_y: one unit moves the object's projected centre by one crop pixel (right, down);
+* t_z: one unit makes the projected diameter one crop pixel larger (the object comes nearer);
 * r_x, r_y, r_z: one unit is one degree; the three are one rotation vector about axes parallel to
   the look-at camera's, through the object's centre.
 
-METHOD 3; paper, section "Method".
+Source: the paper's section "Method"; docs/method.md has the formulas.
 """
 
 from __future__ import annotations
@@ -19,10 +20,9 @@ import torch
 from torch import Tensor
 
 from .geometry.crop import OBJECT_SIZE, Crop, view_of
+from .geometry.mesh import Mesh
 from .geometry.pose import Pose
 from .geometry.rotation import exp_so3, log_so3
-
-AXES = ("t_x", "t_y", "t_z", "r_x", "r_y", "r_z")
 
 
 class ActionSpace(IntEnum):
@@ -45,65 +45,110 @@ class ActionSpace(IntEnum):
 
 @dataclass(frozen=True)
 class PoseAction:
-    """Signed step counts on the six axes and whether to stop.
+    """A relative SE(3) update in action units, and whether to stop.
 
-    `counts` (..., 6) in the order of `AXES`; integers are the paper's sums V of actions, real
-    numbers are what regression gives. `stop` (...) is boolean.
+    `delta` (..., 6) is t_x, t_y, t_z, r_x, r_y, r_z; whole numbers are the paper's sums V of single
+    actions, real numbers are what regression gives. `stop` (...) is boolean.
+
+    `between`, `apply`, `then` and `inverse` work on poses in the mesh file's frame, those that
+    users have. What an update means in metres depends on the pose that it starts from, so that
+    composition and inversion need that pose too.
+
+    Example:
+        >>> import torch
+        >>> from moveit6d import PoseAction
+        >>> PoseAction.from_delta(torch.tensor([2.0, 0, 0, 0, 0, 5])).delta
+        tensor([2., 0., 0., 0., 0., 5.])
     """
 
-    counts: Tensor
+    delta: Tensor
     stop: Tensor
 
     @staticmethod
-    def of(counts: Tensor) -> PoseAction:
-        """A move that does not stop."""
-        return PoseAction(counts, torch.zeros(counts.shape[:-1], dtype=torch.bool))
+    def from_delta(delta: Tensor) -> PoseAction:
+        """An update by a delta (..., 6) that does not stop."""
+        stop = torch.zeros(delta.shape[:-1], dtype=torch.bool, device=delta.device)
+        return PoseAction(delta, stop)
 
     @staticmethod
-    def from_index(index: Tensor, step: float = 1.0) -> PoseAction:
-        """Single actions (...) of `ActionSpace`, each `step` units long."""
-        return PoseAction.from_one_hot(torch.nn.functional.one_hot(index, 13), step)
+    def from_index(index: Tensor, step_size: float = 1.0) -> PoseAction:
+        """Single actions (...) of `ActionSpace`, each `step_size` units long."""
+        return PoseAction.from_one_hot(torch.nn.functional.one_hot(index, 13), step_size)
 
     @staticmethod
-    def from_one_hot(one_hot: Tensor, step: float = 1.0) -> PoseAction:
+    def from_one_hot(one_hot: Tensor, step_size: float = 1.0) -> PoseAction:
         """From vectors v (..., 13) of zeros and one 1, the paper's notation."""
         value = one_hot.to(torch.float64)
-        return PoseAction((value[..., 0:12:2] - value[..., 1:12:2]) * step, one_hot[..., 12] > 0)
+        delta = (value[..., 0:12:2] - value[..., 1:12:2]) * step_size
+        return PoseAction(delta, one_hot[..., 12] > 0)
+
+    @staticmethod
+    def between(start: Pose, goal: Pose, mesh: Mesh, crop: Crop = "look_at") -> PoseAction:
+        """The update that takes `start` to `goal`, poses (...) in the mesh file's frame.
+
+        Exact inverse of `apply`. The goal must lie in front of the virtual camera that looks at
+        `start`; rotations go the shorter way round.
+        """
+        centred = mesh.inner(start.to(torch.float64)), mesh.inner(goal.to(torch.float64))
+        return PoseAction.from_delta(pose_delta(*centred, _diameter(mesh, start), crop))
+
+    def apply(self, pose: Pose, mesh: Mesh, crop: Crop = "look_at") -> Pose:
+        """Poses (...) in the mesh file's frame after the update; float64."""
+        centred = mesh.inner(pose.to(torch.float64))
+        return mesh.outer(self.apply_centred(centred, _diameter(mesh, pose), crop))
+
+    def then(self, other: PoseAction, pose: Pose, mesh: Mesh, crop: Crop = "look_at") -> PoseAction:
+        """One update that does to `pose` what this one and then `other` do; stops if either does.
+
+        `pose` (...) is in the mesh file's frame; `other` is measured in the crop of the pose after
+        this update.
+        """
+        goal = other.apply(self.apply(pose, mesh, crop), mesh, crop)
+        both = PoseAction.between(pose, goal, mesh, crop)
+        return PoseAction(both.delta, self.stop | other.stop)
+
+    def inverse(self, pose: Pose, mesh: Mesh, crop: Crop = "look_at") -> PoseAction:
+        """The update that leads back to `pose` (...) after this one; mesh file's frame."""
+        back = PoseAction.between(self.apply(pose, mesh, crop), pose, mesh, crop)
+        return PoseAction(back.delta, self.stop)
+
+    def to(self, target: torch.device | torch.dtype) -> PoseAction:
+        """The same update on another device, or with another floating point type."""
+        if isinstance(target, torch.dtype):
+            return PoseAction(self.delta.to(target), self.stop)
+        return PoseAction(self.delta.to(target), self.stop.to(target))
 
     def one_hot(self) -> Tensor:
-        """Vectors (..., 13) of a single action; the inverse of `from_one_hot` for any step.
+        """Vectors (..., 13) of a single action; the inverse of `from_one_hot` for any step size.
 
-        A move along several axes at once has no such vector: `ValueError`.
+        An update along several axes at once has no such vector: `ValueError`.
         """
-        moves = torch.stack([self.counts > 0, self.counts < 0], -1).flatten(-2)
-        vector = torch.cat([moves, self.stop[..., None]], -1)
+        signs = torch.stack([self.delta > 0, self.delta < 0], -1).flatten(-2)
+        vector = torch.cat([signs, self.stop[..., None]], -1)
         if not (vector.sum(-1) == 1).all():
-            raise ValueError("PoseAction.one_hot: each action must be one single move or stop.")
+            raise ValueError("PoseAction.one_hot: each must be one single action or stop.")
         return vector.to(torch.int64)
 
-    def __add__(self, other: PoseAction) -> PoseAction:
-        """Sum of counts; stops if either does."""
-        return PoseAction(self.counts + other.counts, self.stop | other.stop)
-
-    def apply(self, pose: Pose, sphere_diameter: Tensor, crop: Crop = "look_at") -> Pose:
-        """Centred poses (...) after the move. `sphere_diameter` (...) in metres. METHOD 3."""
+    def apply_centred(self, pose: Pose, sphere_diameter: Tensor, crop: Crop = "look_at") -> Pose:
+        """Centred poses (...) after the update. `sphere_diameter` (...) in metres."""
         view = view_of(pose, sphere_diameter, crop)
-        counts = self.counts.to(pose.translation)
-        depth = view.distance * OBJECT_SIZE / (OBJECT_SIZE + counts[..., 2])
-        # In the virtual frame one patch pixel at this depth is depth / focal metres.
+        delta = self.delta.to(pose.translation)
+        depth = view.distance * OBJECT_SIZE / (OBJECT_SIZE + delta[..., 2])
+        # In the virtual frame one crop pixel at this depth is depth / focal metres.
         metres = depth / view.intrinsics[..., 0, 0]
-        place = (counts[..., :2] - view.axis) * metres[..., None]
-        virtual = torch.cat([place, depth[..., None]], -1)
-        turn = view.rotation.mT @ exp_so3(torch.deg2rad(counts[..., 3:])) @ view.rotation
+        aside = (delta[..., :2] - view.axis) * metres[..., None]
+        virtual = torch.cat([aside, depth[..., None]], -1)
+        turn = view.rotation.mT @ exp_so3(torch.deg2rad(delta[..., 3:])) @ view.rotation
         translation = (view.rotation.mT @ virtual[..., None])[..., 0]
         return Pose(turn @ pose.rotation, translation)
 
 
-def difference(start: Pose, goal: Pose, sphere_diameter: Tensor, crop: Crop = "look_at") -> Tensor:
-    """Counts (..., 6) that take `start` to `goal`: the exact inverse of `PoseAction.apply`.
+def pose_delta(start: Pose, goal: Pose, sphere_diameter: Tensor, crop: Crop = "look_at") -> Tensor:
+    """Pose delta (..., 6) from `start` to `goal`: the exact inverse of `PoseAction.apply_centred`.
 
-    The goal must lie in front of the virtual camera that looks at `start`; turns are the shorter
-    way round. Differentiable except at half turns. METHOD 3.
+    Poses (...) are centred; `PoseAction.between` takes those of the mesh file. The goal must lie in
+    front of the virtual camera that looks at `start`; rotations go the shorter way round.
+    Differentiable except at half turns.
     """
     view = view_of(start, sphere_diameter, crop)
     seen = view.to_virtual(goal).translation
@@ -115,32 +160,42 @@ def difference(start: Pose, goal: Pose, sphere_diameter: Tensor, crop: Crop = "l
     return torch.cat([torch.stack([t_x, t_y, t_z], -1), torch.rad2deg(log_so3(turn))], -1)
 
 
-def expert_action(counts: Tensor, step: float = 1.0) -> Tensor:
-    """The best single action (...) for the counts (..., 6) that remain: an `ActionSpace` index.
+def expert_action(delta: Tensor, step_size: float = 1.0) -> Tensor:
+    """The best single action (...) for the delta (..., 6) that remains: an `ActionSpace` index.
 
-    It shortens the largest remaining count; with every count under half a step it stops. This is
-    the paper's argmin with the largest absolute count as pose error (METHOD 4).
+    It shortens the axis with the largest remaining delta; with all below half a step it stops.
+    This is the paper's argmin with the largest absolute delta as pose error.
     """
-    largest, axis = counts.abs().max(-1)
-    sign = counts.gather(-1, axis[..., None])[..., 0] < 0
+    largest, axis = delta.abs().max(-1)
+    sign = delta.gather(-1, axis[..., None])[..., 0] < 0
     stop = torch.full_like(axis, int(ActionSpace.STOP))
-    return torch.where(largest < 0.5 * step, stop, axis * 2 + sign.to(axis.dtype))
+    return torch.where(largest < 0.5 * step_size, stop, axis * 2 + sign.to(axis.dtype))
 
 
-def expert_difference(
-    start: Pose, goal: Pose, sphere_diameter: Tensor, symmetries: Tensor | None = None,
+def expert_delta(
+    start: Pose,
+    goal: Pose,
+    sphere_diameter: Tensor,
+    symmetries: Tensor | None = None,
     crop: Crop = "look_at",
-) -> Tensor:  # fmt: skip
-    """Counts (6,) to the nearest of the goal's equivalents; poses unbatched and centred.
+) -> Tensor:
+    """Pose delta (6,) to the nearest of the goal's equivalents; poses unbatched and centred.
 
-    `symmetries` (S, 4, 4) map the centred object onto itself; the choice is the shortest vector of
-    counts: by the largest count alone, which is often a shift, any turn would be as good. METHOD 4.
+    `symmetries` (S, 4, 4) map the centred object onto itself. The nearest is the one with the
+    shortest delta: by the largest axis alone, which is often a shift, any turn would be as good.
     """
     if symmetries is None or len(symmetries) < 2:
-        return difference(start, goal, sphere_diameter, crop)
+        return pose_delta(start, goal, sphere_diameter, crop)
     goals = goal @ Pose.from_matrix(symmetries.to(goal.translation))
     starts = Pose(
         start.rotation.expand_as(goals.rotation), start.translation.expand_as(goals.translation)
     )
-    counts = difference(starts, goals, sphere_diameter.expand(len(goals)), crop)
-    return counts[counts.norm(dim=-1).argmin()]
+    delta = pose_delta(starts, goals, sphere_diameter.expand(len(goals)), crop)
+    return delta[delta.norm(dim=-1).argmin()]
+
+
+def _diameter(mesh: Mesh, pose: Pose) -> Tensor:
+    """The mesh's sphere diameter for poses (...)."""
+    return pose.translation.new_tensor(mesh.sphere_diameter, dtype=torch.float64).expand(
+        pose.batch_shape
+    )

@@ -1,6 +1,6 @@
-"""Files written whole or not at all, and JSON that says what is wrong with it.
+"""Files that appear whole or not at all, and JSON.
 
-Never knows what a file is about.
+Never knows what the content means.
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ def mirrored(seen: Observation) -> Observation:
     return Observation(image, rendering, seen.depth.flip(3), seen.mask.flip(3), seen.distance)
 
 
-def turned(seen: Observation, quarters: int) -> Observation:
+def rotated(seen: Observation, quarters: int) -> Observation:
     """The same patches turned by quarters, counterclockwise, as if the camera rolled the other way.
 
     A pixel (x, y) from the patch's middle comes to (y, −x) with each.

@@ -33,7 +33,7 @@ Work = Callable[[Item], Result]
 
 
 @dataclass(frozen=True)
-class Outcome(Generic[Result]):
+class JobResult(Generic[Result]):
     """What became of the item with this index: its result, or the sentence that says why not."""
 
     index: int
@@ -48,7 +48,7 @@ def run_jobs(
     jobs: int = 1,
     ray: str | None = None,
     cpus: int = 1,
-) -> Iterator[Outcome[Result]]:
+) -> Iterator[JobResult[Result]]:
     """The outcome of `work(item)` for every item, each as soon as it is there.
 
     With `jobs` 1 in this process and in order; with more in that many processes beside each other;
@@ -65,14 +65,14 @@ def run_jobs(
         yield from _beside(work, items, min(jobs, len(items)))
     else:
         for index, item in enumerate(items):
-            yield _outcome(index, work, item)
+            yield _job_result(index, work, item)
 
 
-def _outcome(index: int, work: Work[Item, Result], item: Item) -> Outcome[Result]:
+def _job_result(index: int, work: Work[Item, Result], item: Item) -> JobResult[Result]:
     try:
-        return Outcome(index, work(item))
+        return JobResult(index, work(item))
     except InputError as error:
-        return Outcome(index, error=str(error))
+        return JobResult(index, error=str(error))
 
 
 def _died(tries: int) -> str:
@@ -83,7 +83,7 @@ def _died(tries: int) -> str:
 
 def _beside(
     work: Work[Item, Result], items: Sequence[Item], jobs: int
-) -> Iterator[Outcome[Result]]:
+) -> Iterator[JobResult[Result]]:
     waiting = deque(range(len(items)))
     tries: Counter[int] = Counter()
     busy: dict[Connection, tuple[_Worker, int]] = {}
@@ -98,17 +98,17 @@ def _beside(
             for pipe in wait(list(busy)):
                 assert isinstance(pipe, Connection)
                 worker, index = busy.pop(pipe)
-                outcome = worker.take()
-                if outcome is not None:
+                job_result = worker.take()
+                if job_result is not None:
                     idle.append(worker)
-                    yield outcome
+                    yield job_result
                     continue
                 worker.end()
                 idle.append(_Worker())
                 if tries[index] <= RETRIES:
                     waiting.appendleft(index)
                 else:
-                    yield Outcome(index, error=_died(tries[index]))
+                    yield JobResult(index, error=_died(tries[index]))
     finally:
         for worker, _ in busy.values():
             worker.end()
@@ -136,7 +136,7 @@ class _Worker:
         with suppress(OSError):
             self.pipe.send_bytes(pickle.dumps((index, work, item)))
 
-    def take(self) -> Outcome[Any] | None:
+    def take(self) -> JobResult[Any] | None:
         """What it has sent; None if it died."""
         try:
             found = pickle.loads(self.pipe.recv_bytes())
@@ -144,7 +144,7 @@ class _Worker:
             return None
         if isinstance(found, str):
             raise RuntimeError(f"a worker failed:\n{found}")
-        assert isinstance(found, Outcome)
+        assert isinstance(found, JobResult)
         return found
 
     def end(self, patience: float = 0.0) -> None:
@@ -164,7 +164,7 @@ def _serve(pipe: Connection) -> None:
         except (EOFError, OSError):
             return
         try:
-            answer: object = _outcome(index, work, item)
+            answer: object = _job_result(index, work, item)
         except BaseException:
             answer = traceback.format_exc()
         pipe.send_bytes(pickle.dumps(answer))
@@ -172,10 +172,10 @@ def _serve(pipe: Connection) -> None:
 
 def _on_ray(
     work: Work[Item, Result], items: Sequence[Item], address: str, cpus: int
-) -> Iterator[Outcome[Result]]:
+) -> Iterator[JobResult[Result]]:
     ray = _connect(address)
     # Ray itself does a task again whose worker died; exceptions are never tried again.
-    task = ray.remote(max_retries=RETRIES, num_cpus=cpus)(_outcome)
+    task = ray.remote(max_retries=RETRIES, num_cpus=cpus)(_job_result)
     try:
         running = {task.remote(index, work, item): index for index, item in enumerate(items)}
         while running:
@@ -184,7 +184,7 @@ def _on_ray(
             try:
                 yield ray.get(done)
             except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError):
-                yield Outcome(index, error=_died(RETRIES + 1))
+                yield JobResult(index, error=_died(RETRIES + 1))
     finally:
         ray.shutdown()  # of a cluster that was there before: only leaves it
 

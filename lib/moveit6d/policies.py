@@ -1,6 +1,6 @@
-"""Who decides the next move: a network, or an oracle that knows the true pose.
+"""Policies predict the next pose delta: a network, or an oracle that knows the true pose.
 
-Never renders and never applies a move.
+Never renders and never applies a pose delta.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from .actions import PoseAction, difference, expert_action
+from .actions import PoseAction, expert_action, pose_delta
 from .errors import InputError
 from .geometry.crop import Crop
 from .geometry.pose import Pose
 from .networks.action_net import ActionNet
 from .networks.correlation import CorrelationNet
-from .networks.decision import Decision
 from .networks.inference import Compute, InferenceNetwork
+from .networks.policy_output import PolicyOutput
 from .networks.weights_file import load_network
-from .observation import Observation, mirrored, turned
+from .observation import Observation, mirrored, rotated
 
 SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "multi_object.safetensors"
 
 
-class MoveMode(StrEnum):
-    """How a decision becomes a move."""
+class ActionMode(StrEnum):
+    """How a prediction becomes a `PoseAction`."""
 
-    SINGLE = "single"  # the paper: the best of the 13 actions, one step long
-    ALL_AXES = "all_axes"  # all six real-valued counts at once (METHOD 9a)
+    SINGLE = "single"  # the paper: the best of the 13 actions, one step size long
+    ALL_AXES = "all_axes"  # all six axes of the real-valued delta at once
 
 
 @dataclass(frozen=True)
-class Situation:
+class LoopState:
     """Where the loop stands: for policies that know more than what is seen.
 
     `pose` (B) is centred, object → camera; `sphere_diameter` (B,) in metres; `target` (B,) says
@@ -51,93 +51,94 @@ class Situation:
 
 
 class Policy(Protocol):
-    """Decides from observations; `mode` says how its decisions are carried out.
+    """Predicts from observations; `mode` says how its predictions are carried out.
 
-    `crop` is the kind of patches that it wants to see, and in which its counts are measured.
+    `crop` is the kind of patches that it wants to see, and in which its delta is measured.
     """
 
-    mode: MoveMode
+    mode: ActionMode
     crop: Crop
 
-    def decide(self, seen: Observation, situation: Situation) -> Decision:
-        """A decision for each observation of the batch."""
+    def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
+        """A prediction for each observation of the batch."""
         ...
 
 
-def choose_move(decision: Decision, mode: MoveMode, step: float = 1.0) -> PoseAction:
-    """The move that a decision stands for.
+def to_action(prediction: PolicyOutput, mode: ActionMode, step_size: float = 1.0) -> PoseAction:
+    """The update that a prediction stands for.
 
-    In mode `single` the action with the highest score, `step` units long. In mode `all_axes` the
-    six counts as they are; it also stops if the stop action scores highest or every count is under
-    half a step, and the remainder is applied as the last move.
+    In mode `single` the action with the highest score, `step_size` units long. In mode `all_axes`
+    the delta as it is; it also stops if the stop action scores highest or every axis is under half
+    a step, and the remainder is applied as the last update.
     """
-    best = decision.logits.argmax(-1)
-    if mode is MoveMode.SINGLE:
-        return PoseAction.from_index(best, step)
-    if decision.counts is None:
-        raise InputError(
-            "This network only chooses single actions: use the move mode 'single' with it."
-        )
-    done = decision.counts.abs().amax(-1) < 0.5 * step
-    return PoseAction(decision.counts.to(torch.float64), (best == 12) | done)
+    best = prediction.logits.argmax(-1)
+    if mode is ActionMode.SINGLE:
+        return PoseAction.from_index(best, step_size)
+    if prediction.delta is None:
+        raise InputError("This network only chooses single actions: use the mode 'single' with it.")
+    done = prediction.delta.abs().amax(-1) < 0.5 * step_size
+    return PoseAction(prediction.delta.to(torch.float64), (best == 12) | done)
 
 
 class NetworkPolicy:
-    """Decides with a trained network, in evaluation mode, without gradients."""
+    """Predicts with a trained network, in evaluation mode, without gradients."""
 
     def __init__(
-        self, network: CorrelationNet | ActionNet, mode: MoveMode | None = None, source: str = "",
+        self,
+        network: CorrelationNet | ActionNet,
+        mode: ActionMode | None = None,
+        source: str = "",
         compute: Compute = "auto",
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.network = InferenceNetwork(network, compute)
         single = isinstance(network, ActionNet)
         self.crop: Crop = network.config.crop
-        self.mode = mode or (MoveMode.SINGLE if single else MoveMode.ALL_AXES)
+        self.mode = mode or (ActionMode.SINGLE if single else ActionMode.ALL_AXES)
         self.source = source  # what the weights are, for reports
-        if single and self.mode is not MoveMode.SINGLE:
+        if single and self.mode is not ActionMode.SINGLE:
             raise InputError("The paper's network only chooses single actions: use mode 'single'.")
 
-    def decide(self, seen: Observation, situation: Situation) -> Decision:
+    def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
         """One pass of the network."""
-        return self.network(seen)
+        return self.network(observation)
 
 
-class TurnedPolicy:
-    """Asks another policy about what is seen laid in all eight ways, and takes the mean.
+class DihedralAugmentation:
+    """Test-time augmentation: the mean prediction over the eight dihedral views of an observation.
 
-    By quarter turns, and each of them in the mirror: what it gets wrong is not the same in all.
-    Scores of single actions and the attention are those of what is seen.
+    Four quarter turns, each of them also mirrored: the errors of another policy differ between
+    them. Scores of single actions and the attention are those of what is seen.
     """
 
-    # Of the six counts where right and left change places: shifts along x and turns about y and z.
+    # The axes of a delta that change sign in the mirror: shifts along x and turns about y and z.
     SIGNS = (-1.0, 1.0, 1.0, 1.0, -1.0, -1.0)
 
     def __init__(self, policy: Policy) -> None:
         self.policy, self.mode, self.crop = policy, policy.mode, policy.crop
 
-    def decide(self, seen: Observation, situation: Situation) -> Decision:
-        """The mean of the eight decisions."""
-        decision = self.policy.decide(seen, situation)
-        if decision.counts is None:
-            return decision
-        every = [decision]
+    def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
+        """The mean of the eight predictions."""
+        prediction = self.policy.predict(observation, state)
+        if prediction.delta is None:
+            return prediction
+        every = [prediction]
         for quarters, mirror in itertools.islice(itertools.product(range(4), (False, True)), 1, 8):
-            shown = turned(seen, quarters)
-            other = self.policy.decide(mirrored(shown) if mirror else shown, situation)
-            assert other.counts is not None
-            counts = other.counts * torch.tensor(self.SIGNS) if mirror else other.counts
-            every.append(replace(other, counts=turned_counts(counts, -quarters)))
-        counts = torch.stack([one.counts for one in every if one.counts is not None]).mean(0)
+            shown = rotated(observation, quarters)
+            other = self.policy.predict(mirrored(shown) if mirror else shown, state)
+            assert other.delta is not None
+            delta = other.delta * torch.tensor(self.SIGNS) if mirror else other.delta
+            every.append(replace(other, delta=rotate_delta(delta, -quarters)))
+        delta = torch.stack([one.delta for one in every if one.delta is not None]).mean(0)
         confidence = torch.stack([one.confidence for one in every]).mean(0)
-        return replace(decision, counts=counts, confidence=confidence)
+        return replace(prediction, delta=delta, confidence=confidence)
 
 
-def turned_counts(counts: Tensor, quarters: int) -> Tensor:
-    """The counts (B, 6) of a move in a picture that is turned as `turned` does."""
+def rotate_delta(delta: Tensor, quarters: int) -> Tensor:
+    """The delta (B, 6) of an observation that is turned as `rotated` does."""
     for _ in range(quarters % 4):
-        x, y, z, about_x, about_y, about_z = counts.unbind(-1)
-        counts = torch.stack([y, -x, z, about_y, -about_x, about_z], -1)
-    return counts
+        x, y, z, about_x, about_y, about_z = delta.unbind(-1)
+        delta = torch.stack([y, -x, z, about_y, -about_x, about_z], -1)
+    return delta
 
 
 class OraclePolicy:
@@ -147,25 +148,25 @@ class OraclePolicy:
     """
 
     def __init__(
-        self, truth: Pose, mode: MoveMode = MoveMode.SINGLE, crop: Crop = "look_at"
+        self, truth: Pose, mode: ActionMode = ActionMode.SINGLE, crop: Crop = "look_at"
     ) -> None:
         self.truth, self.mode, self.crop = truth.to(torch.float64), mode, crop
 
-    def decide(self, seen: Observation, situation: Situation) -> Decision:
-        """The expert's action, and the exact counts to the truth."""
-        goal = self.truth[situation.target]
-        counts = difference(situation.pose, goal, situation.sphere_diameter, self.crop)
-        logits = functional.one_hot(expert_action(counts), 13).to(torch.float64)
-        return Decision(logits, counts, torch.ones(len(counts)))
+    def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
+        """The expert's action, and the exact delta to the truth."""
+        goal = self.truth[state.target]
+        delta = pose_delta(state.pose, goal, state.sphere_diameter, self.crop)
+        logits = functional.one_hot(expert_action(delta), 13).to(torch.float64)
+        return PolicyOutput(logits, delta, torch.ones(len(delta)))
 
 
 def load_policy(
-    path: Path | None = None, mode: MoveMode | None = None, compute: Compute = "auto"
+    path: Path | None = None, mode: ActionMode | None = None, compute: Compute = "auto"
 ) -> NetworkPolicy:
     """A policy from a weights file; without one, from the weights that are shipped.
 
     `compute` are the numbers of its convolutions: `auto` takes bfloat16 where the processor has
-    AMX instructions, which is faster and moves poses by hundredths of a count; with `float32` they
+    AMX instructions, which is faster and changes poses by hundredths of a unit; with `float32` they
     are what they are on machines without.
     """
     loaded = load_network(SHIPPED_WEIGHTS if path is None else Path(path))

@@ -14,12 +14,13 @@ LIGHTNING = ROOT / "lightning_modules"
 
 # From the bottom up; a room may import from lower floors and from its own floor.
 FLOORS = (
-    ("errors", "checks", "io", "parallel"),
+    ("errors",),
+    ("checks", "io", "parallel", "typing", "config"),
     ("geometry",),
     ("actions",),
     ("rendering",),
     ("observation",),
-    ("regions",),
+    ("contour",),
     ("networks",),
     ("policies",),
     ("estimation",),

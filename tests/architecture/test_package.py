@@ -117,8 +117,19 @@ def test_wheel_holds_the_two_packages_and_nothing_else(tmp_path: Path) -> None:
         shutil.copytree(ROOT / name, source / name, ignore=leave)
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
-    command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation",
-               "--no-index", "--quiet", "--wheel-dir", str(tmp_path), str(source)]  # fmt: skip
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "wheel",
+        "--no-deps",
+        "--no-build-isolation",
+        "--no-index",
+        "--quiet",
+        "--wheel-dir",
+        str(tmp_path),
+        str(source),
+    ]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     (wheel,) = tmp_path.glob("moveit6d-*.whl")
@@ -127,7 +138,8 @@ def test_wheel_holds_the_two_packages_and_nothing_else(tmp_path: Path) -> None:
     assert {name.split("/")[0] for name in names} == {"moveit6d", "lightning_modules", info}
     files = {name for name in names if not name.startswith(info)}
     kinds = {Path(name).suffix or Path(name).name for name in files}
-    assert kinds <= {".py", ".typed", ".safetensors", ".md"}
+    assert kinds <= {".py", ".typed", ".safetensors", ".md", ".j2"}
+    assert "moveit6d/visualization/templates/report.html.j2" in files
     assert {"moveit6d/py.typed", "lightning_modules/__init__.py"} <= files
     committed = {path.name for path in (ROOT / "lib/moveit6d/weights").iterdir()}
     shipped = {Path(name).name for name in files if name.startswith("moveit6d/weights/")}

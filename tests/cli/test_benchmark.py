@@ -56,22 +56,41 @@ def test_our_row_stands_under_the_rivals(
     assert main(command) == 0
     rows = table(capsys.readouterr().out)
     assert [row[:2] for row in rows[1:7]] == [
-        ["easy", "other"], ["easy", "me"], ["hard", "other"],
-        ["hard", "me"], ["all", "other"], ["all", "me"],
-    ]  # fmt: skip
+        ["easy", "other"],
+        ["easy", "me"],
+        ["hard", "other"],
+        ["hard", "me"],
+        ["all", "other"],
+        ["all", "me"],
+    ]
     assert rows[3][3] == "33.3 %" and rows[4][3] == "100.0 %" and rows[6][3] == "100.0 %"
     assert [row[0] for row in rows[8:]] == ["easy", "easy_00", "hard", "hard_01", "all"]
     assert sorted(p.name for p in out.iterdir()) == [
-        "easy_00.csv", "easy_00.json", "easy_00.mp4",
-        "hard_01.csv", "hard_01.json", "hard_01.mp4",
-    ]  # fmt: skip
+        "easy_00.csv",
+        "easy_00.json",
+        "easy_00.mp4",
+        "hard_01.csv",
+        "hard_01.json",
+        "hard_01.mp4",
+    ]
     written = read_poses(out / "hard_01.csv")
     assert len(written) == 4 and written[0].milliseconds is None and written[1].milliseconds
 
 
 def test_results_are_scored_again_by_evaluate(sequences: Path, rivals: Path, capsys: Any) -> None:
-    assert main(["evaluate", "tracking", "--sequences", str(sequences),
-                 "--results", str(rivals / "other")]) == 0  # fmt: skip
+    assert (
+        main(
+            [
+                "evaluate",
+                "tracking",
+                "--sequences",
+                str(sequences),
+                "--results",
+                str(rivals / "other"),
+            ]
+        )
+        == 0
+    )
     rows = table(capsys.readouterr().out)
     assert [(row[0], row[2], row[6]) for row in rows[1:]] == [
         ("easy", "100.0 %", "4"),
@@ -123,8 +142,9 @@ def test_ctrl_c_prints_what_was_done(
 ) -> None:
     interrupt_update(5)
     out = tmp_path / "ours"
-    assert main(["benchmark", "tracking", "--sequences", str(sequences),
-                 "--output", str(out)]) == 130  # fmt: skip
+    assert (
+        main(["benchmark", "tracking", "--sequences", str(sequences), "--output", str(out)]) == 130
+    )
     assert [row[0] for row in table(capsys.readouterr().out)] == ["level", "easy"]
     assert len(read_poses(out / "hard_01.csv")) == 2
     assert not (out / "hard_01.json").exists(), "half a track is not marked as whole"
@@ -164,7 +184,7 @@ def test_resuming_does_only_what_is_not_done_the_same_way(
     names = sorted(path.name for path in report.iterdir())
     assert names == ["easy_00.html", "hard_01.html", "index.html"]
     assert main(again) == 0 and len(calls) == 3
-    assert main([*again, "--max_steps", "1"]) == 0 and len(calls) == 9
+    assert main([*again, "--max_iterations", "1"]) == 0 and len(calls) == 9
     assert main([*again, "--float32"]) == 0 and len(calls) == 15
 
 
@@ -188,8 +208,16 @@ def test_a_protocol_of_resets_is_kept_and_its_frames_are_not_scored(
     made = make_sequence("easy_00", frames=20)
     use_oracle(scene.mesh, made.poses[0])
     out = tmp_path / "ours"
-    command = ["benchmark", "tracking", "--sequences", str(made.folder), "--output", str(out),
-               "--protocol", "paper"]  # fmt: skip
+    command = [
+        "benchmark",
+        "tracking",
+        "--sequences",
+        str(made.folder),
+        "--output",
+        str(out),
+        "--protocol",
+        "paper",
+    ]
     assert main([*command, "--report", str(out / "report")]) == 0
     rows = read_poses(out / "easy_00.csv")
     assert [row.frame for row in rows if row.reset] == [1, 16]
@@ -224,8 +252,17 @@ def test_two_processes_with_one_killed_give_the_same_tracks(
     weights = tmp_path / "weights.safetensors"
     torch.manual_seed(0)
     save_network(CorrelationNet(TINY), weights)
-    command = ["benchmark", "tracking", "--sequences", str(made.folder.parent),
-               "--weights", str(weights), "--max_steps", "2", "--output"]  # fmt: skip
+    command = [
+        "benchmark",
+        "tracking",
+        "--sequences",
+        str(made.folder.parent),
+        "--weights",
+        str(weights),
+        "--max_iterations",
+        "2",
+        "--output",
+    ]
     assert main([*command, str(tmp_path / "one")]) == 0
     monkeypatch.setattr(sequence_job, "work", killed_sequence.work)
     monkeypatch.setenv(killed_sequence.FOLDER, str(tmp_path))
@@ -243,10 +280,25 @@ def test_two_processes_with_one_killed_give_the_same_tracks(
     assert not list((tmp_path / "two").glob(".*")), "a killed worker leaves nothing behind"
 
 
-def test_the_parts_of_a_cycle_are_printed(sequences: Path, brick_file: Path, capsys: Any) -> None:
-    assert main(["benchmark", "cycle", "--mesh", str(brick_file), "--repeats", "2",
-                 "--threads", "1"]) == 0  # fmt: skip
+def test_the_parts_of_an_iteration_are_printed(
+    sequences: Path, brick_file: Path, capsys: Any
+) -> None:
+    assert (
+        main(
+            [
+                "benchmark",
+                "iteration",
+                "--mesh",
+                str(brick_file),
+                "--repeats",
+                "2",
+                "--threads",
+                "1",
+            ]
+        )
+        == 0
+    )
     text = capsys.readouterr().out
-    for part in ("crop", "render", "observe", "network", "move", "sum", "whole cycle"):
+    for part in ("crop", "render", "observe", "network", "move", "sum", "whole iteration"):
         assert part in text
     assert "1 threads" in text and "median of 2" in text

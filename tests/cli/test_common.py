@@ -19,4 +19,4 @@ def test_float32_reaches_the_network_here_and_in_other_processes(
         args = parser.parse_args(options)
         policy, _ = tools(Setting.of(args)) if elsewhere else set_up(args)
         assert isinstance(policy, NetworkPolicy)
-        assert policy.network.is_narrow is narrow
+        assert policy.network.is_bfloat16 is narrow

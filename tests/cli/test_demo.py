@@ -14,22 +14,22 @@ from moveit6d.datasets.pose_files import read_poses
 from moveit6d.datasets.sequences import read_sequences
 from moveit6d.evaluation.track_scores import Score
 from moveit6d.geometry.crop import Crop
-from moveit6d.networks.decision import Decision
+from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import MoveMode, Situation
+from moveit6d.policies import ActionMode, LoopState
 
 
 class Stay:
     """Stops at once."""
 
-    mode = MoveMode.SINGLE
+    mode = ActionMode.SINGLE
     crop: Crop = "look_at"
 
-    def decide(self, seen: Observation, situation: Situation) -> Decision:
-        count = len(situation.sphere_diameter)
+    def predict(self, seen: Observation, state: LoopState) -> PolicyOutput:
+        count = len(state.sphere_diameter)
         stop = torch.full((count,), int(ActionSpace.STOP))
         logits = torch.nn.functional.one_hot(stop, 13).double()
-        return Decision(logits, torch.zeros(count, 6, dtype=torch.float64), torch.ones(count))
+        return PolicyOutput(logits, torch.zeros(count, 6, dtype=torch.float64), torch.ones(count))
 
 
 @pytest.fixture(autouse=True)
@@ -39,7 +39,7 @@ def stay(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_demo_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     output = tmp_path / "demo"
-    assert main(["demo", "--output", str(output), "--frames", "3", "--level", "easy"]) == 0
+    assert main(["demo", "--output", str(output), "--frames", "3", "--difficulty", "easy"]) == 0
     said = capsys.readouterr().out
     assert "error against the true poses (ADD): mean" in said
     assert "below 10 % of the diameter (222 mm): 100.0 % of 2 frames" in said
@@ -61,9 +61,17 @@ def test_demo_can_be_repeated_without_overlay(
 
 def test_verdict_says_when_the_track_was_lost() -> None:
     score = Score(
-        frames=119, below_10=0.5, below_5=0.4, mean_add=0.02, median_add=0.01, until_lost=60,
-        within_5cm_5deg=0.5, resets=0, milliseconds=20.0, missing=0,
-    )  # fmt: skip
+        frames=119,
+        below_10=0.5,
+        below_5=0.4,
+        mean_add=0.02,
+        median_add=0.01,
+        until_lost=60,
+        within_5cm_5deg=0.5,
+        resets=0,
+        milliseconds=20.0,
+        missing=0,
+    )
     assert verdict(score, 0.222).splitlines() == [
         "error against the true poses (ADD): mean 20.0 mm, median 10.0 mm",
         "below 10 % of the diameter (222 mm): 50.0 % of 119 frames; followed until frame 60",

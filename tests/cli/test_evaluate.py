@@ -59,8 +59,14 @@ def test_keyframe_poses_of_one_method(tmp_path: Path, capsys: Any) -> None:
     write_keyframe_poses(tmp_path / "poses.npz", keyframes)
     points = torch.tensor([[0.0, 0, 0], [0.01, 0, 0]]).numpy()
     np.savez(tmp_path / "points.npz", **{"01": points, "02": points})
-    command = ["evaluate", "ycbv", "--poses", str(tmp_path / "poses.npz"),
-               "--points", str(tmp_path / "points.npz")]  # fmt: skip
+    command = [
+        "evaluate",
+        "ycbv",
+        "--poses",
+        str(tmp_path / "poses.npz"),
+        "--points",
+        str(tmp_path / "points.npz"),
+    ]
     assert main([*command, "--methods", "a", "--form", "exact", "--per_object"]) == 0
     rows = cells(capsys.readouterr().out)
     # Errors 0, 5 cm, 5 cm, 40 cm; areas of the objects 0.75 and 0.25.

@@ -15,9 +15,19 @@ from moveit6d.cli.main import main
 from moveit6d.errors import InputError, RenderingUnavailable, WeightsError
 
 VERBS = [
-    "track", "refine", "detect", "evaluate", "benchmark", "reproduce", "synthesize", "fit", "demo",
-    "doctor", "contact-sheet", "write-pairs",
-]  # fmt: skip
+    "track",
+    "refine",
+    "detect",
+    "evaluate",
+    "benchmark",
+    "reproduce",
+    "synthesize",
+    "fit",
+    "demo",
+    "doctor",
+    "contact-sheet",
+    "write-pairs",
+]
 
 
 def printed(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -38,7 +48,7 @@ def test_every_verb_has_a_manual_page(verb: str, capsys: pytest.CaptureFixture[s
     text = printed([verb, "--help"], capsys)
     assert "exit codes:" in text and len(text.splitlines()) > 15
     assert max(map(len, text.splitlines())) <= 100
-    of_verb = {"evaluate": ["tracking", "bop", "ycbv"], "benchmark": ["tracking", "cycle"]}
+    of_verb = {"evaluate": ["tracking", "bop", "ycbv"], "benchmark": ["tracking", "iteration"]}
     kinds = of_verb.get(verb, [])
     for kind in kinds:
         assert "examples:" in printed([verb, kind, "--help"], capsys)
@@ -49,7 +59,9 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert printed(["--version"], capsys) == f"moveit6d {__version__}\n"
 
 
-@pytest.mark.parametrize("arguments", [[], ["dance"], ["track"], ["track", "--max_steps", "0"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["dance"], ["track"], ["track", "--max_iterations", "0"]]
+)
 def test_wrong_arguments_are_bad_input(
     arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -34,10 +34,21 @@ def test_pairs_are_written_in_parts_and_kept(
 ) -> None:
     folder = tmp_path / "pairs"
     command = [
-        "write-pairs", "--config", str(CONFIGS / "fit" / "multi_object.yaml"), *small,
-        "--set", "data.batch_size=2", "--set", "data.pairs.bank.each_batch=1",
-        "--output", str(folder), "--shards", "3", "--batches", "1",
-    ]  # fmt: skip
+        "write-pairs",
+        "--config",
+        str(CONFIGS / "fit" / "multi_object.yaml"),
+        *small,
+        "--set",
+        "data.batch_size=2",
+        "--set",
+        "data.pairs.bank.each_batch=1",
+        "--output",
+        str(folder),
+        "--shards",
+        "3",
+        "--batches",
+        "1",
+    ]
     assert main([*command, "--part", "1/2"]) == 0
     assert "2 shards written, 0 kept" in capsys.readouterr().out
     assert main(command) == 0

@@ -16,7 +16,7 @@ from PIL import Image
 from moveit6d.cli.main import main
 from moveit6d.datasets.bop import BopDataset, Estimate, read_results, write_results
 from moveit6d.estimation import estimator
-from moveit6d.estimation.precision import precision
+from moveit6d.estimation.localizability import localizability
 from moveit6d.evaluation.metrics import add
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -61,11 +61,20 @@ def command(dataset: BopDataset, scene: Any, tmp_path: Path) -> Callable[..., in
 
     def run(rows: list[Estimate], *more: str) -> int:
         write_results(tmp_path / "initial.csv", rows)
-        return main([
-            "refine", "--dataset", str(dataset.root), "--split", "val",
-            "--initial", str(tmp_path / "initial.csv"), "--output", str(tmp_path / "refined.csv"),
-            *more,
-        ])  # fmt: skip
+        return main(
+            [
+                "refine",
+                "--dataset",
+                str(dataset.root),
+                "--split",
+                "val",
+                "--initial",
+                str(tmp_path / "initial.csv"),
+                "--output",
+                str(tmp_path / "refined.csv"),
+                *more,
+            ]
+        )
 
     return run
 
@@ -102,7 +111,7 @@ def test_poses_get_better_and_keep_their_order(
             after.object,
         )
         assert float(add(after.pose, scene.pose(0), points)) < 0.003
-        likely = precision(scene.pose(0), scene.mesh, scene.camera)  # the oracle is confident
+        likely = localizability(scene.pose(0), scene.mesh, scene.camera)  # the oracle is confident
         assert after.score == pytest.approx(likely, abs=0.01) and 0.5 < likely < 0.9
     seconds = [row.seconds for row in refined]
     assert seconds[0] == seconds[2] > 0 and seconds[1] == seconds[4], "one time an image"
@@ -122,8 +131,21 @@ def test_before_and_after_are_compared_by_evaluate(
     assert command(rows) == 0
     capsys.readouterr()
     files = [str(tmp_path / name) for name in ("initial.csv", "refined.csv")]
-    assert main(["evaluate", "bop", "--dataset", str(dataset.root), "--split", "val",
-                 "--results", *files]) == 0  # fmt: skip
+    assert (
+        main(
+            [
+                "evaluate",
+                "bop",
+                "--dataset",
+                str(dataset.root),
+                "--split",
+                "val",
+                "--results",
+                *files,
+            ]
+        )
+        == 0
+    )
     cells = [
         [cell.strip() for cell in line.split("|")[1:-1]]
         for line in capsys.readouterr().out.splitlines()
@@ -175,7 +197,7 @@ def test_a_damaged_image_and_a_pose_out_of_sight_keep_what_was_given(
     for n in (0, 3):
         assert refined[n].score == 0.0
         np.testing.assert_allclose(refined[n].pose.translation, rows[n].pose.translation, atol=1e-9)
-    likely = precision(scene.pose(0), scene.mesh, scene.camera)  # the oracle is confident
+    likely = localizability(scene.pose(0), scene.mesh, scene.camera)  # the oracle is confident
     assert [refined[n].score for n in (1, 2, 4)] == pytest.approx([likely] * 3, abs=0.01)
     said = capsys.readouterr()
     assert "behind the camera" in said.err and "not a readable image" in said.err
@@ -207,8 +229,22 @@ def test_ctrl_c_keeps_the_images_done(
 def test_an_unknown_split_is_said(
     dataset: BopDataset, tmp_path: Path, capsys: Any, brick: Mesh
 ) -> None:
-    assert main(["refine", "--dataset", str(dataset.root), "--split", "test",
-                 "--initial", "a.csv", "--output", "b.csv"]) == 2  # fmt: skip
+    assert (
+        main(
+            [
+                "refine",
+                "--dataset",
+                str(dataset.root),
+                "--split",
+                "test",
+                "--initial",
+                "a.csv",
+                "--output",
+                "b.csv",
+            ]
+        )
+        == 2
+    )
     assert "no split 'test'; folders there: val" in capsys.readouterr().err
 
 
@@ -218,7 +254,7 @@ def test_workers_refine_the_same(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Everything a worker needs is in what it is sent; that workers work is tests/…/test_jobs."""
+    """Everything a worker needs is in what it is sent; that workers work is tests/test_parallel."""
     import pickle
 
     from moveit6d import parallel
@@ -228,7 +264,7 @@ def test_workers_refine_the_same(
     tiny = CorrelationConfig(channels=(4, 6, 8), geometry=(4, 4, 4), context=8, decoder=8, fine=8)
     torch.manual_seed(0)
     save_network(CorrelationNet(tiny), tmp_path / "weights.safetensors")
-    options = ["--weights", str(tmp_path / "weights.safetensors"), "--max_steps", "2"]
+    options = ["--weights", str(tmp_path / "weights.safetensors"), "--max_iterations", "2"]
     assert command(rows, *options) == 0
     alone = read_results(tmp_path / "refined.csv")
     sent = []
@@ -237,7 +273,7 @@ def test_workers_refine_the_same(
         for index in reversed(range(len(items))):  # workers end in any order
             sent.append(count)
             far_work, item = pickle.loads(pickle.dumps((work, items[index])))
-            yield parallel.Outcome(index, far_work(item))
+            yield parallel.JobResult(index, far_work(item))
 
     monkeypatch.setattr(parallel, "_beside", beside)
     assert command(rows, *options, "--jobs", "2") == 0

@@ -19,7 +19,7 @@ from moveit6d.datasets.laval import write_laval_sequence
 from moveit6d.datasets.pose_files import read_pose, write_camera
 from moveit6d.datasets.ycbv import write_ycbv_scene
 from moveit6d.geometry.pose import Pose
-from moveit6d.policies import MoveMode, OraclePolicy
+from moveit6d.policies import ActionMode, OraclePolicy
 
 Make = Callable[..., Any]
 FRAMES = 4
@@ -31,7 +31,7 @@ def oracle(monkeypatch: pytest.MonkeyPatch, scene: Any) -> None:
     truth = Pose.stack([scene.mesh.inner(scene.pose(0))] * 64)
 
     def load(*_: Any) -> OraclePolicy:
-        return OraclePolicy(truth, MoveMode.ALL_AXES)
+        return OraclePolicy(truth, ActionMode.ALL_AXES)
 
     monkeypatch.setattr("moveit6d.policies.load_policy", load)
 
@@ -70,7 +70,7 @@ def test_ycb_tables_come_from_the_same_tracks(
     for name in ("ycb_add", "ycb_auc"):
         assert main(["reproduce", name, "--data", str(data), "--output", str(out)]) == 0
         said = capsys.readouterr()
-        assert "stand-in (in YCB-Video's format" in said.out and "oracle" in said.out
+        assert "surrogate (in YCB-Video's format" in said.out and "oracle" in said.out
         content = report(out, name)
     first = content["tables"]["auc_1"][0]
     assert first["object"] == "035_power_drill" and first["PoseCNN"] == 55.10
@@ -89,7 +89,7 @@ def test_laval_has_a_column_a_model(laval: Path, tmp_path: Path, capsys: Any) ->
     out = tmp_path / "out"
     command = ["reproduce", "laval", "--data", str(laval), "--output", str(out)]
     assert main([*command, "--no_depth_weights", str(flat)]) == 0
-    assert "stand-in (in Laval's format" in capsys.readouterr().out
+    assert "surrogate (in Laval's format" in capsys.readouterr().out
     content = report(out, "laval")
     dog = next(row for row in content["tables"]["errors"] if row["object"] == "dog")
     assert dog["ours full 15 %"] == pytest.approx(0, abs=1e-3)
@@ -106,8 +106,11 @@ def test_convergence_runs_both_readings(own: Path, tmp_path: Path, capsys: Any) 
     content = report(out, "convergence")
     rows = content["tables"]["convergence"]
     assert [(row["reading"], row["m"]) for row in rows] == [
-        ("formula", 0), ("formula", 2), ("total", 0), ("total", 2),
-    ]  # fmt: skip
+        ("formula", 0),
+        ("formula", 2),
+        ("total", 0),
+        ("total", 2),
+    ]
     assert all(row["ADD<10%d"] == 100 for row in rows)
     assert content["facts"]["mode"] == "single" and content["facts"]["step"] == 3
 
@@ -120,7 +123,7 @@ def test_runtime_with_and_without_data(own: Path, tmp_path: Path, capsys: Any) -
         content = report(out, "runtime")
         assert ("frames" in content["tables"]) == bool(extra)
         assert content["tables"]["cycle"][1]["paper"] == 5.2
-        assert "stand-in" in capsys.readouterr().out
+        assert "surrogate" in capsys.readouterr().out
 
 
 def test_attention_of_a_network(own: Path, tmp_path: Path) -> None:
@@ -131,14 +134,14 @@ def test_attention_of_a_network(own: Path, tmp_path: Path) -> None:
     assert row["network"] == "model" and row["mean on the object"] is None
 
 
-def test_detection_is_scored_for_both_judges(own: Path, tmp_path: Path) -> None:
+def test_detection_is_scored_by_both_criteria(own: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     options = ["--sinks", "1", "--poses", "1", "--rotations", "2", "--sizes", "0.4"]
     command = ["reproduce", "detection", "--data", str(own), "--output", str(out)]
     assert main([*command, *options]) == 0
     summary = {row[""]: row["ours"] for row in report(out, "detection")["tables"]["summary"]}
-    assert summary["ADD < 10 % d, judge steps, %"] == 100
-    assert summary["ADD < 10 % d, judge confidence, %"] == 100
+    assert summary["ADD < 10 % d, criterion iterations, %"] == 100
+    assert summary["ADD < 10 % d, criterion confidence, %"] == 100
 
 
 def test_what_cannot_be_done_is_said(own: Path, tmp_path: Path, capsys: Any) -> None:

@@ -31,10 +31,10 @@ def test_one_sequence_goes_to_the_folder_itself(
     asked: list[tuple[Path, dict[str, Any]]], brick: Mesh, brick_file: Path, capsys: Any
 ) -> None:
     command = ["synthesize", "--output", "clip", "--mesh", str(brick_file), "--seed", "4"]
-    assert main([*command, "--frames", "7", "--level", "hard"]) == 0
+    assert main([*command, "--frames", "7", "--difficulty", "hard"]) == 0
     ((folder, options),) = asked
     assert folder == Path("clip") and options["mesh"].diameter == brick.diameter
-    assert (options["seed"], options["frames"], options["level"]) == (4, 7, "hard")
+    assert (options["seed"], options["frames"], options["difficulty"]) == (4, 7, "hard")
     assert options["photos"] is None
     assert capsys.readouterr().out == "clip\n"
 
@@ -45,7 +45,7 @@ def test_several_sequences_are_numbered_and_differ(
     for number in range(3):
         Image.fromarray(np.full((90, 90, 3), number, np.uint8)).save(tmp_path / f"{number}.png")
     (tmp_path / "broken.png").write_bytes(b"\x89PNG")
-    command = ["synthesize", "--output", "set", "--count", "2", "--level", "easy"]
+    command = ["synthesize", "--output", "set", "--count", "2", "--difficulty", "easy"]
     assert main([*command, "--photos", str(tmp_path)]) == 0
     assert [folder for folder, _ in asked] == [Path("set/easy_00"), Path("set/easy_01")]
     first, second = (options for _, options in asked)
@@ -55,10 +55,10 @@ def test_several_sequences_are_numbered_and_differ(
 
 
 @pytest.fixture
-def stand_ins(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
-    """What the makers of stand-ins are asked for."""
+def surrogates(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
+    """What the makers of surrogates are asked for."""
     calls: list[tuple[Any, ...]] = []
-    for name in ("write_laval_stand_in", "write_ycbv_stand_in"):
+    for name in ("write_laval_surrogate", "write_ycbv_surrogate"):
         monkeypatch.setattr(
             f"moveit6d.synthesis.sequences.surrogate_datasets.{name}",
             lambda *asked, name=name: calls.append(asked),
@@ -67,25 +67,25 @@ def stand_ins(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
 
 
 def test_a_laval_stand_in_is_made_of_the_meshes_and_levels(
-    stand_ins: list[tuple[Any, ...]], brick_file: Path, capsys: Any
+    surrogates: list[tuple[Any, ...]], brick_file: Path, capsys: Any
 ) -> None:
     command = ["synthesize", "sequence", "--format", "laval", "--output", "data", "--seed", "5"]
-    command += ["--mesh", str(brick_file), str(brick_file), "--frames", "9", "--level", "easy"]
+    command += ["--mesh", str(brick_file), str(brick_file), "--frames", "9", "--difficulty", "easy"]
     assert main([*command, "--occlusion", "0", "60"]) == 0
     assert main(command) == 0
-    (root, objects, making, levels), (*_, usual) = stand_ins
+    (root, objects, options, levels), (*_, usual) = surrogates
     assert root == Path("data") and list(objects) == ["brick", "brick_1"]
-    assert (making.frames, making.level, making.seed) == (9, "easy", 5)
+    assert (options.frames, options.difficulty, options.seed) == (9, "easy", 5)
     assert list(levels) == [0, 60] and list(usual) == [0, 15, 30, 45]
     assert capsys.readouterr().out == "data\ndata\n"
 
 
 def test_a_ycbv_stand_in_has_another_object_in_the_middle_of_each_scene(
-    stand_ins: list[tuple[Any, ...]],
+    surrogates: list[tuple[Any, ...]],
 ) -> None:
     assert main(["synthesize", "--format", "ycbv", "--output", "data", "--count", "5"]) == 0
-    ((_, scenes, making),) = stand_ins
-    assert len(scenes) == 5 and making.frames == 120
+    ((_, scenes, options),) = surrogates
+    assert len(scenes) == 5 and options.frames == 120
     assert all(scene.keys() == scenes[0].keys() and len(scene) == 4 for scene in scenes)
     middles = [next(iter(scene)) for scene in scenes]
     assert len(set(middles)) == 4 and middles[4] == middles[0]

@@ -89,9 +89,9 @@ def test_a_track_is_written_whole(clip: Clip, scene: Any, capsys: Any) -> None:
 
 
 def test_no_overlay_leaves_it_out(clip: Clip) -> None:
-    assert clip.track("--no_overlay", "--max_steps", "1", "--threads", "1") == 0
+    assert clip.track("--no_overlay", "--max_iterations", "1", "--threads", "1") == 0
     assert not (clip.output / "overlay.mp4").exists()
-    assert {row.steps for row in read_poses(clip.output / "poses.csv")} == {1}
+    assert {row.iterations for row in read_poses(clip.output / "poses.csv")} == {1}
 
 
 def test_a_report_is_written_and_after_ctrl_c_too(
@@ -251,11 +251,24 @@ def bad_inputs(clip: Clip, tmp: Path) -> dict[str, tuple[dict[str, str], str]]:
 
 
 NAMES = [
-    "no mesh", "mesh without faces", "foreign mesh", "unit mix-up", "no video", "empty folder",
-    "text for video", "no camera", "pose for camera", "camera of another size", "singular",
-    "left-handed", "behind the camera", "out of sight", "millimetres", "inside the object",
+    "no mesh",
+    "mesh without faces",
+    "foreign mesh",
+    "unit mix-up",
+    "no video",
+    "empty folder",
+    "text for video",
+    "no camera",
+    "pose for camera",
+    "camera of another size",
+    "singular",
+    "left-handed",
+    "behind the camera",
+    "out of sight",
+    "millimetres",
+    "inside the object",
     "output is a file",
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("name", NAMES)

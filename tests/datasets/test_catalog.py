@@ -11,7 +11,7 @@ import pytest
 from moveit6d.datasets import open_dataset
 from moveit6d.datasets.bop import Instance
 from moveit6d.datasets.bop_writer import BopImage, write_bop
-from moveit6d.datasets.catalog import FORMATS, STAND_IN, recognise, stand_in
+from moveit6d.datasets.catalog import FORMATS, SURROGATE, recognise, surrogate
 from moveit6d.datasets.laval import write_laval_sequence
 from moveit6d.datasets.rbot import write_rbot
 from moveit6d.datasets.ycbv import write_ycbv_scene
@@ -70,6 +70,6 @@ def test_nothing_known_says_what_was_looked_for(tmp_path: Path) -> None:
 
 
 def test_a_made_data_set_says_so(tmp_path: Path) -> None:
-    assert stand_in(tmp_path) == ""
-    write_json(tmp_path / STAND_IN, {"what": "stand-in for Laval"})
-    assert stand_in(tmp_path) == "stand-in for Laval"
+    assert surrogate(tmp_path) == ""
+    write_json(tmp_path / SURROGATE, {"what": "surrogate for Laval"})
+    assert surrogate(tmp_path) == "surrogate for Laval"

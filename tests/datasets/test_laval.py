@@ -35,8 +35,10 @@ def root(tmp_path: Path, scene: Any, brick: Mesh) -> Path:
 def test_what_is_written_is_read(root: Path, scene: Any, brick: Mesh) -> None:
     found = read_laval(root)
     assert [one.name for one in found] == [
-        "dog_occlusion_0", "dog_occlusion_v_30", "dog_stability_near_2",
-    ]  # fmt: skip
+        "dog_occlusion_0",
+        "dog_occlusion_v_30",
+        "dog_stability_near_2",
+    ]
     assert [one.level for one in found] == ["occlusion_0", "occlusion_30", "stability_near"]
     one = found[1]
     assert (one.object, one.first, one.camera) == ("dog", 0, scene.camera)

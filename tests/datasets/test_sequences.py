@@ -67,8 +67,15 @@ def test_a_hole_is_not_truth(make_sequence: Make) -> None:
 
 def test_several_objects_are_several_sequences(make_sequence: Make) -> None:
     made = make_sequence("table")
-    columns = ("frame", "image", "object", *(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)),
-               "tx", "ty", "tz")  # fmt: skip
+    columns = (
+        "frame",
+        "image",
+        "object",
+        *(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)),
+        "tx",
+        "ty",
+        "tz",
+    )
     rows = [
         PoseRow(r.frame, r.image, r.pose, object=name)
         for r in read_poses(made.folder / "poses.csv")

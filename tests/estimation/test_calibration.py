@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d.actions import difference
+from moveit6d.actions import pose_delta
 from moveit6d.estimation import PoseTracker
 from moveit6d.estimation.calibration import LASTING, MOST, depth_bias
 from moveit6d.estimation.frame import prepare_frame
@@ -14,9 +14,9 @@ from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.networks.decision import Decision
+from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import MoveMode, OraclePolicy, Situation
+from moveit6d.policies import ActionMode, LoopState, OraclePolicy
 from moveit6d.rendering.renderer import make_renderer
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
@@ -30,24 +30,26 @@ class TooNear:
 
     pose: Pose
     bias: float
-    mode: MoveMode = MoveMode.ALL_AXES
+    mode: ActionMode = ActionMode.ALL_AXES
     crop: Crop = "look_at"
 
-    def decide(self, seen: Observation, situation: Situation) -> Decision:
+    def predict(self, seen: Observation, state: LoopState) -> PolicyOutput:
         """The exact counts with the bias."""
-        number = len(situation.target)
+        number = len(state.target)
         oracle = OraclePolicy(Pose.stack([self.pose] * number), self.mode)
-        same = replace(situation, target=torch.arange(number))
-        decision = oracle.decide(seen, same)
-        assert decision.counts is not None
-        return replace(decision, counts=decision.counts + torch.tensor([0, 0, self.bias, 0, 0, 0]))
+        same = replace(state, target=torch.arange(number))
+        prediction = oracle.predict(seen, same)
+        assert prediction.delta is not None
+        return replace(
+            prediction, delta=prediction.delta + torch.tensor([0, 0, self.bias, 0, 0, 0])
+        )
 
 
 def left(mesh: Mesh, pose: Pose | None) -> float:
     """Counts t_z from a pose to the truth."""
     assert pose is not None
     diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
-    return float(difference(mesh.inner(pose), TRUTH, diameter)[2])
+    return float(pose_delta(mesh.inner(pose), TRUTH, diameter)[2])
 
 
 @pytest.mark.parametrize("bias", [1.5, -0.8])
@@ -55,7 +57,7 @@ def test_the_bias_is_read_where_the_pose_is_known(brick: Mesh, bias: float) -> N
     frame, policy = prepare_frame(GRAY, CAMERA), TooNear(TRUTH, bias)
     found = depth_bias(frame, brick, brick.outer(TRUTH), policy, make_renderer())
     assert found == pytest.approx(LASTING * bias, abs=0.05)
-    single = replace(policy, mode=MoveMode.SINGLE)
+    single = replace(policy, mode=ActionMode.SINGLE)
     assert depth_bias(frame, brick, brick.outer(TRUTH), single, make_renderer()) == 0.0
 
 
@@ -77,9 +79,9 @@ def test_an_object_that_just_looks_into_the_image_is_no_error(brick: Mesh) -> No
 def test_a_tracker_that_has_learnt_does_without_most_of_it(brick: Mesh) -> None:
     policy = TooNear(TRUTH, 1.5)
     for learns, expected in ((False, -1.5), (True, (LASTING - 1) * 1.5)):
-        tracker = PoseTracker(brick, CAMERA, brick.outer(TRUTH), policy=policy, regions=False)
+        tracker = PoseTracker(brick, CAMERA, brick.outer(TRUTH), policy=policy, contour=False)
         if learns:
-            tracker.learn(GRAY)
+            tracker.calibrate(GRAY)
         for _ in range(2):
             result = tracker.update(GRAY)[0]
         assert left(brick, result.pose) == pytest.approx(expected, abs=0.1)

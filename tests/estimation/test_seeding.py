@@ -23,8 +23,8 @@ from moveit6d.geometry.crop import look_at
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
-from moveit6d.networks.decision import Decision
-from moveit6d.policies import MoveMode, OraclePolicy
+from moveit6d.networks.policy_output import PolicyOutput
+from moveit6d.policies import ActionMode, OraclePolicy
 from moveit6d.rendering.renderer import make_renderer
 
 CAMERA = Camera(300, 310, 160.5, 118.5, 320, 240)
@@ -53,7 +53,7 @@ def test_seeds_stand_at_their_pixels_and_look_alike() -> None:
 
 def test_a_policy_of_axis_parallel_crops_is_refused(brick: Mesh) -> None:
     truth = Pose(torch.eye(3)[None].double(), torch.tensor([[0.0, 0.0, 1.0]]).double())
-    policy = OraclePolicy(truth, MoveMode.ALL_AXES, "axis_parallel")
+    policy = OraclePolicy(truth, ActionMode.ALL_AXES, "axis_parallel")
     frame = prepare_frame(GRAY, CAMERA)
     with pytest.raises(InputError, match="look-at"):
         seed_field(frame, brick, torch.eye(3)[None].double(), 60.0, policy, make_renderer())
@@ -120,7 +120,7 @@ def test_the_field_of_an_oracle_converges_at_the_object(brick: Mesh) -> None:
     size = 300 * brick.sphere_diameter / float(place.norm())
     turns = random_rotations(2, torch.Generator().manual_seed(1))
     frame = prepare_frame(GRAY, CAMERA)
-    policy = OraclePolicy(truth, MoveMode.ALL_AXES)
+    policy = OraclePolicy(truth, ActionMode.ALL_AXES)
     field = seed_field(frame, brick, turns, size, policy, make_renderer())
     centre = CAMERA.project(place)[0]
     towards = torch.nn.functional.normalize(centre - field.centres, dim=-1)
@@ -134,7 +134,7 @@ def test_the_field_of_an_oracle_converges_at_the_object(brick: Mesh) -> None:
 def test_single_actions_give_the_vector_by_their_odds() -> None:
     logits = torch.full((1, 13), -9.0)
     logits[0, 1], logits[0, 2] = 2.0, 1.0  # left, down
-    decision = Decision(logits, torch.ones(1, 6), torch.ones(1))
-    move = planar_move(decision, MoveMode.SINGLE)[0]
+    prediction = PolicyOutput(logits, torch.ones(1, 6), torch.ones(1))
+    move = planar_move(prediction, ActionMode.SINGLE)[0]
     assert move[0] < 0 < move[1] and abs(move[0] / move[1]) == pytest.approx(np.e, rel=1e-3)
-    assert planar_move(decision, MoveMode.ALL_AXES).tolist() == [[1.0, 1.0]]
+    assert planar_move(prediction, ActionMode.ALL_AXES).tolist() == [[1.0, 1.0]]

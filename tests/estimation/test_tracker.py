@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d.actions import PoseAction, difference
+from moveit6d.actions import PoseAction, pose_delta
+from moveit6d.contour import ColourHistograms, refine_contour
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseEstimator, PoseTracker, StopReason
-from moveit6d.estimation.hypotheses import DOUBTFUL
+from moveit6d.estimation.track_state import LOW_CONFIDENCE
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3, log_so3
 from moveit6d.geometry.symmetry import ContinuousSymmetry, Symmetries
-from moveit6d.networks.decision import Decision
+from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import MoveMode, OraclePolicy, Situation
-from moveit6d.regions import Colours, polish
+from moveit6d.policies import ActionMode, LoopState, OraclePolicy
 from moveit6d.rendering.renderer import make_renderer
 from tests.support import pictures
 from tests.support.near_sighted import NearSighted
@@ -37,25 +37,25 @@ def test_every_frame_starts_where_the_last_one_ended(brick: Mesh) -> None:
     )
     first = tracker.update(GRAY)[0]
     second = tracker.update(GRAY)[0]
-    assert first.steps > 3 and second.steps == 1
+    assert first.iterations > 3 and second.iterations == 1
     assert first.pose is not None and second.pose is not None
     torch.testing.assert_close(second.pose.matrix(), first.pose.matrix())
 
 
 def test_several_objects_in_one_batch(brick: Mesh) -> None:
     goals = [at(-0.05), at(0.02, 0.9), at(0.06, 0.6)]
-    policy = OraclePolicy(Pose.stack([brick.inner(goal) for goal in goals]), MoveMode.ALL_AXES)
+    policy = OraclePolicy(Pose.stack([brick.inner(goal) for goal in goals]), ActionMode.ALL_AXES)
     tracker = PoseTracker([brick] * 3, CAMERA, [at(0.0), at(0.0), at(0.0)], policy=policy)
     for result, goal in zip(tracker.update(GRAY), goals, strict=True):
         assert result.pose is not None
         diameter = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
-        assert difference(brick.inner(result.pose), brick.inner(goal), diameter).abs().max() < 0.5
+        assert pose_delta(brick.inner(result.pose), brick.inner(goal), diameter).abs().max() < 0.5
 
 
 def test_an_object_in_doubt_is_looked_for_around_where_it_was_sure(brick: Mesh) -> None:
     jump = at(0.047)  # 28 counts: farther than this policy sees
     policy = NearSighted(brick.inner(at(0.0)), 21.0, doubt=0.3)
-    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, regions=False)
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, contour=False)
     assert tracker.update(GRAY)[0].confidence == pytest.approx(0.95)
     policy.truth = brick.inner(jump)
     found = tracker.update(GRAY)[0]
@@ -68,64 +68,64 @@ def test_what_is_found_elsewhere_but_in_doubt_is_left_there(brick: Mesh) -> None
     class Wary(NearSighted):
         """Is always in doubt, even where the object is."""
 
-        def decide(self, seen: Observation, situation: Situation) -> Decision:
-            decision = super().decide(seen, situation)
+        def predict(self, seen: Observation, state: LoopState) -> PolicyOutput:
+            prediction = super().predict(seen, state)
             return dataclasses.replace(
-                decision, confidence=decision.confidence.clamp(max=DOUBTFUL - 0.01)
+                prediction, confidence=prediction.confidence.clamp(max=LOW_CONFIDENCE - 0.01)
             )
 
     policy = Wary(brick.inner(at(0.039)), 21.0, doubt=0.3)
-    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, regions=False)
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, contour=False)
     result = tracker.update(GRAY)[0]
     assert result.pose is not None and result.confidence == pytest.approx(0.3)
     torch.testing.assert_close(result.pose.matrix(), at(0.0).matrix())
-    assert policy.asked > result.steps, "it did look"
+    assert policy.asked > result.iterations, "it did look"
 
 
 def test_a_way_that_leads_through_the_camera_ends_no_track(brick: Mesh) -> None:
     policy = NearSighted(brick.inner(at(0.0, 0.6)), 60.0, doubt=0.3)
-    tracker = PoseTracker(brick, CAMERA, at(0.0, 0.6), policy=policy, regions=False)
+    tracker = PoseTracker(brick, CAMERA, at(0.0, 0.6), policy=policy, contour=False)
     for z in (0.6, 0.5, 0.4):
         policy.truth = brick.inner(at(0.0, z))
-        assert tracker.update(GRAY)[0].confidence > DOUBTFUL
+        assert tracker.update(GRAY)[0].confidence > LOW_CONFIDENCE
     policy.reach = 0.0
     for _ in range(9):
         result = tracker.update(GRAY)[0]
         assert result.pose is not None and result.confidence == pytest.approx(0.3)
     assert any(
-        float(brick.inner(pose).translation[2]) < 0 for pose in tracker.tracks[0].likely()
+        float(brick.inner(pose).translation[2]) < 0 for pose in tracker.tracks[0].recovery_poses()
     ), "or the test says nothing"
 
 
 def test_what_is_believed_is_not_looked_for_elsewhere(brick: Mesh) -> None:
-    policy = NearSighted(brick.inner(at(0.01)), 0.0, doubt=DOUBTFUL + 0.01)
-    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, regions=False)
-    assert tracker.update(GRAY)[0].steps == policy.asked
+    policy = NearSighted(brick.inner(at(0.01)), 0.0, doubt=LOW_CONFIDENCE + 0.01)
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, contour=False)
+    assert tracker.update(GRAY)[0].iterations == policy.asked
 
 
 def test_each_frame_looks_at_other_places_and_the_papers_policy_at_none(brick: Mesh) -> None:
-    for mode in MoveMode:
+    for mode in ActionMode:
         policy = NearSighted(brick.inner(at(0.0)), 0.0, doubt=0.3, mode=mode)
-        tracker = PoseTracker(brick, CAMERA, at(0.01), policy=policy, regions=False)
+        tracker = PoseTracker(brick, CAMERA, at(0.01), policy=policy, contour=False)
         before = tracker.tracks[0].random.bit_generator.state["state"]
         result = tracker.update(GRAY)[0]
         after = tracker.tracks[0].random.bit_generator.state["state"]
-        looked = mode is MoveMode.ALL_AXES
-        assert (policy.asked > result.steps) == looked == (before != after)
+        looked = mode is ActionMode.ALL_AXES
+        assert (policy.asked > result.iterations) == looked == (before != after)
 
 
 def test_without_search_it_never_costs_more_than_the_loop(brick: Mesh) -> None:
     policy = NearSighted(brick.inner(at(0.047)), 21.0, doubt=0.3)
-    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, search=False, regions=False)
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, multi_start=False, contour=False)
     for _ in range(3):
         policy.asked = 0
         result = tracker.update(GRAY)[0]
-        assert result.confidence == pytest.approx(0.3) and policy.asked == result.steps
+        assert result.confidence == pytest.approx(0.3) and policy.asked == result.iterations
 
 
 def test_an_object_that_is_not_found_stays_where_it_was_last(brick: Mesh) -> None:
     policy = NearSighted(brick.inner(at(0.0)), 0.0, doubt=0.3)
-    tracker = PoseTracker(brick, CAMERA, at(0.01), policy=policy, search=False, regions=False)
+    tracker = PoseTracker(brick, CAMERA, at(0.01), policy=policy, multi_start=False, contour=False)
     for _ in range(2):
         result = tracker.update(GRAY)[0]
         assert result.pose is not None
@@ -134,7 +134,7 @@ def test_an_object_that_is_not_found_stays_where_it_was_last(brick: Mesh) -> Non
 
 def test_a_track_is_the_same_after_a_reset_to_its_start(brick: Mesh) -> None:
     policy = NearSighted(brick.inner(at(0.047)), 21.0, doubt=0.3)
-    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, regions=False)
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, contour=False)
     first = [tracker.update(GRAY)[0].pose for _ in range(3)]
     tracker.reset(at(0.0))
     for before in first:
@@ -193,11 +193,11 @@ def test_each_object_needs_its_start(brick: Mesh) -> None:
 def test_a_reset_starts_the_next_frame_from_the_given_pose(brick: Mesh) -> None:
     policy = OraclePolicy(Pose.stack([brick.inner(at(0.01))]))
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy)
-    far = tracker.update(GRAY)[0].steps
+    far = tracker.update(GRAY)[0].iterations
     tracker.reset(at(0.01))
-    assert tracker.update(GRAY)[0].steps == 1
+    assert tracker.update(GRAY)[0].iterations == 1
     tracker.reset([at(0.0)])
-    assert tracker.update(GRAY)[0].steps == far > 3
+    assert tracker.update(GRAY)[0].iterations == far > 3
 
 
 def test_a_reset_to_a_pose_out_of_sight_changes_nothing(brick: Mesh) -> None:
@@ -208,23 +208,25 @@ def test_a_reset_to_a_pose_out_of_sight_changes_nothing(brick: Mesh) -> None:
         torch.testing.assert_close(tracker.poses[0].matrix(), at(0.0).matrix())
 
 
-def test_the_outline_has_the_last_word(brick: Mesh) -> None:
+def test_the_contour_is_refined_after_the_policy(brick: Mesh) -> None:
     """The policy is wrong by two counts of shift and of size; the picture shows it."""
     diameter = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
     truth = Pose(torch.eye(3).double(), torch.tensor([0.02, -0.01, 0.5], dtype=torch.float64))
-    wrong = PoseAction.of(torch.tensor([2.0, 0, 2.0, 0, 0, 0])).apply(truth, diameter)
+    wrong = PoseAction.from_delta(torch.tensor([2.0, 0, 2.0, 0, 0, 0])).apply_centred(
+        truth, diameter
+    )
     frame = pictures.picture(brick, truth).permute(1, 2, 0).numpy()
     far = []
-    for regions in (True, False):
-        policy = OraclePolicy(Pose.stack([wrong]), MoveMode.ALL_AXES)
+    for contour in (True, False):
+        policy = OraclePolicy(Pose.stack([wrong]), ActionMode.ALL_AXES)
         tracker = PoseTracker(
-            brick, pictures.CAMERA, brick.outer(truth), policy=policy, regions=regions
+            brick, pictures.CAMERA, brick.outer(truth), policy=policy, contour=contour
         )
         result = tracker.update(frame)[0]
         assert result.pose is not None
         torch.testing.assert_close(result.pose.matrix(), tracker.poses[0].matrix())
-        far.append(difference(truth, brick.inner(result.pose), diameter).norm())
-        assert (tracker.tracks[0].colours is not None) == regions
+        far.append(pose_delta(truth, brick.inner(result.pose), diameter).norm())
+        assert (tracker.tracks[0].histograms is not None) == contour
     assert far[0] < 0.8 * far[1]
     assert far[1] == pytest.approx(8**0.5, abs=0.1)
 
@@ -235,9 +237,9 @@ def test_a_reset_forgets_the_colours(brick: Mesh) -> None:
         brick, pictures.CAMERA, brick.outer(truth), policy=OraclePolicy(Pose.stack([truth]))
     )
     tracker.update(pictures.picture(brick, truth).permute(1, 2, 0).numpy())
-    assert tracker.tracks[0].colours is not None
+    assert tracker.tracks[0].histograms is not None
     tracker.reset(brick.outer(truth))
-    assert tracker.tracks[0].colours is None
+    assert tracker.tracks[0].histograms is None
 
 
 def test_colours_are_learnt_from_a_frame_whose_pose_is_exact(brick: Mesh) -> None:
@@ -246,31 +248,35 @@ def test_colours_are_learnt_from_a_frame_whose_pose_is_exact(brick: Mesh) -> Non
         brick, pictures.CAMERA, brick.outer(truth), policy=OraclePolicy(Pose.stack([truth]))
     )
     picture = pictures.picture(brick, truth)
-    tracker.learn(picture.permute(1, 2, 0).numpy())
-    learnt = tracker.tracks[0].colours
-    own = learn_colours_at_truth(brick, truth, picture)
+    tracker.calibrate(picture.permute(1, 2, 0).numpy())
+    learnt = tracker.tracks[0].histograms
+    own = histograms_at_truth(brick, truth, picture)
     assert learnt is not None
     np.testing.assert_allclose(learnt.inside, own.inside)
     np.testing.assert_allclose(learnt.outside, own.outside)
     tracker.update(picture.permute(1, 2, 0).numpy())
-    after = tracker.tracks[0].colours
+    after = tracker.tracks[0].histograms
     assert after is not None and not np.allclose(after.inside, learnt.inside)  # and goes on
 
 
-def learn_colours_at_truth(mesh: Mesh, truth: Pose, picture: torch.Tensor) -> Colours:
+def histograms_at_truth(mesh: Mesh, truth: Pose, picture: torch.Tensor) -> ColourHistograms:
     """As the refinement gives them at a pose that it leaves where it is."""
-    polished = polish(
-        picture, pictures.CAMERA.matrix(), mesh, truth, make_renderer(),
-        colours=Colours(*[np.full(32**3, 32.0**-3, np.float32)] * 2),
-    )  # fmt: skip
-    assert polished.colours is not None
-    return polished.colours
+    refined = refine_contour(
+        picture,
+        pictures.CAMERA.matrix(),
+        mesh,
+        truth,
+        make_renderer(),
+        histograms=ColourHistograms(*[np.full(32**3, 32.0**-3, np.float32)] * 2),
+    )
+    assert refined.histograms is not None
+    return refined.histograms
 
 
 def test_a_picture_to_learn_from_must_fit_the_camera(brick: Mesh) -> None:
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=OraclePolicy(Pose.stack([at(0.0)])))
     with pytest.raises(InputError, match="640×480"):
-        tracker.learn(np.zeros((480, 640, 3), np.uint8))
+        tracker.calibrate(np.zeros((480, 640, 3), np.uint8))
 
 
 def test_an_object_of_revolution_does_not_spin(brick: Mesh) -> None:
@@ -280,9 +286,14 @@ def test_an_object_of_revolution_does_not_spin(brick: Mesh) -> None:
         exp_so3(torch.tensor([0.02, 0.0, 0.5]).double()),
         torch.tensor([0.01, 0.0, 0.7], dtype=torch.float64),
     )
-    policy = OraclePolicy(Pose.stack([turned]), MoveMode.ALL_AXES)
-    tracker = PoseTracker(can, CAMERA, can.outer(Pose(torch.eye(3).double(), turned.translation)),
-                          policy=policy, regions=False)  # fmt: skip
+    policy = OraclePolicy(Pose.stack([turned]), ActionMode.ALL_AXES)
+    tracker = PoseTracker(
+        can,
+        CAMERA,
+        can.outer(Pose(torch.eye(3).double(), turned.translation)),
+        policy=policy,
+        contour=False,
+    )
     result = tracker.update(GRAY)[0]
     assert result.pose is not None
     spin = log_so3(result.pose.rotation)

@@ -6,7 +6,7 @@ from typing import Any
 
 import torch
 
-from moveit6d.evaluation.iteration_timing import PARTS, WARM_UP, time_cycle
+from moveit6d.evaluation.iteration_timing import PARTS, WARM_UP, time_iteration
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import OraclePolicy
 from moveit6d.rendering.renderer import make_renderer
@@ -16,7 +16,7 @@ def test_every_part_is_timed_once_a_round(scene: Any) -> None:
     far = torch.tensor([[0.0, 0.0, 0.4]], dtype=torch.float64)
     policy = OraclePolicy(Pose(torch.eye(3, dtype=torch.float64)[None], far))
     rounds = iter(range(WARM_UP + 3))
-    times = time_cycle(scene.mesh, policy, make_renderer(), rounds)
+    times = time_iteration(scene.mesh, policy, make_renderer(), rounds)
     assert next(rounds, None) is None, "all rounds were used"
     assert tuple(times.parts) == PARTS and min(times.parts.values()) > 0
     # Whatever else the machine does: no round is shorter than one of its parts.

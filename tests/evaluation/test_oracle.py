@@ -5,12 +5,12 @@ import pytest
 from moveit6d.cli.main import main
 from moveit6d.evaluation.oracle import oracle_errors
 from moveit6d.geometry.mesh import Mesh
-from moveit6d.policies import MoveMode
+from moveit6d.policies import ActionMode
 from moveit6d.rendering.renderer import make_renderer
 
 
-@pytest.mark.parametrize("mode", list(MoveMode))
-def test_every_loop_ends_within_half_a_step(brick: Mesh, mode: MoveMode) -> None:
+@pytest.mark.parametrize("mode", list(ActionMode))
+def test_every_loop_ends_within_half_a_step(brick: Mesh, mode: ActionMode) -> None:
     left = list(oracle_errors([brick], make_renderer(), mode, 6))
     assert len(left) == 6 and max(left) < 0.5
 

@@ -21,9 +21,8 @@ from moveit6d.evaluation.protocols import (
     Protocol,
     follow_protocol,
     is_given,
-    laval_protocol,
 )
-from moveit6d.evaluation.run_tracker import Step
+from moveit6d.evaluation.run_tracker import TrackedFrame
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3
 
@@ -76,14 +75,14 @@ def run(
     protocol: Protocol,
     frames: int,
     truth: Callable[[int], Pose | None] = lambda k: at(0.0),
-) -> list[Step]:
+) -> list[TrackedFrame]:
     """Frames 1 … `frames`, after the start frame 0."""
     video = [Frame(k, f"{k}.png", IMAGE) for k in range(1, frames + 1)]
     known = {k: pose for k in range(frames + 1) if (pose := truth(k)) is not None}
     return list(follow_protocol(tracker, video, known, protocol))
 
 
-def resets(steps: Sequence[Step]) -> list[int]:
+def resets(steps: Sequence[TrackedFrame]) -> list[int]:
     return [step.row.frame for step in steps if step.row.reset]
 
 
@@ -178,8 +177,6 @@ def test_frames_that_cannot_be_judged_or_read_are_followed_all_the_same() -> Non
     assert [step.error for step in steps[:8]] == ["broken file"] * 8 and steps[8].row.reset
 
 
-def test_laval_uses_its_own_rule_only_where_the_motion_is_hard() -> None:
-    assert laval_protocol("clock_interaction_hard") is LAVAL
-    assert laval_protocol("clock_occlusion_h_30") is PAPER
+def test_a_reset_every_zero_frames_is_refused() -> None:
     with pytest.raises(InputError, match="reset_every is 0"):
         Protocol("mine", reset_every=0)

@@ -12,7 +12,7 @@ from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.video import Frame
 from moveit6d.estimation import PoseTracker, StopReason, TrackingResult
 from moveit6d.evaluation.metrics import add
-from moveit6d.evaluation.run_tracker import Record, Step, follow
+from moveit6d.evaluation.run_tracker import TrackedFrame, TrackSummary, run_tracker
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import OraclePolicy
 from moveit6d.rendering.renderer import make_renderer
@@ -29,7 +29,7 @@ def tracker(scene: Any) -> PoseTracker:
 
 def test_good_frames_get_poses(scene: Any, tracker: PoseTracker) -> None:
     image = scene.image(0)
-    steps = list(follow(tracker, [Frame(5, "a.png", image), Frame(6, "b.png", image)]))
+    steps = list(run_tracker(tracker, [Frame(5, "a.png", image), Frame(6, "b.png", image)]))
     points = torch.from_numpy(scene.mesh.sample_points(100))
     for step, (frame, name) in zip(steps, [(5, "a.png"), (6, "b.png")], strict=True):
         row = step.row
@@ -37,7 +37,11 @@ def test_good_frames_get_poses(scene: Any, tracker: PoseTracker) -> None:
         assert row.pose is not None and row.milliseconds is not None and row.milliseconds > 0
         assert float(add(row.pose, scene.pose(0), points)) < 0.003
         assert step.error is None and step.confident
-    assert steps[0].row.steps is not None and steps[0].row.steps > 2 and steps[1].row.steps == 1
+    assert (
+        steps[0].row.iterations is not None
+        and steps[0].row.iterations > 2
+        and steps[1].row.iterations == 1
+    )
 
 
 @pytest.mark.parametrize(
@@ -56,7 +60,7 @@ def test_a_bad_frame_fails_alone(scene: Any, tracker: PoseTracker, image: Any, w
         Frame(1, "b", image, "b cannot be read." if image is None else None),
         Frame(2, "c", good),
     ]
-    steps = list(follow(tracker, frames))
+    steps = list(run_tracker(tracker, frames))
     assert [step.row.pose is None for step in steps] == [False, True, False]
     assert steps[1].row == PoseRow(1, "b", stopped_by="failed")
     assert steps[1].error is not None and words in steps[1].error
@@ -69,17 +73,17 @@ def test_a_lost_object_has_no_pose_even_if_the_tracker_remembers_one() -> None:
             return (TrackingResult(pose, 3, StopReason.FAILED, 0.9, 5.0, "out of sight"),)
 
     frame = Frame(0, "a", np.zeros((2, 2, 3), np.uint8))
-    (step,) = follow(Lost(), [frame])  # type: ignore[arg-type]
+    (step,) = run_tracker(Lost(), [frame])  # type: ignore[arg-type]
     assert step.row.pose is None and step.error == "out of sight" and not step.confident
 
 
-def record_of(confidences: list[float | None]) -> Record:
-    record = Record()
+def record_of(confidences: list[float | None]) -> TrackSummary:
+    record = TrackSummary()
     for frame, confidence in enumerate(confidences):
         pose = None if confidence is None else Pose.identity()
         row = PoseRow(frame, pose=pose, confidence=confidence, milliseconds=float(frame))
         error = "bad image" if confidence is None else None
-        record.add(Step(Frame(frame, "", None), row, error))
+        record.add(TrackedFrame(Frame(frame, "", None), row, error))
     return record
 
 
@@ -92,7 +96,7 @@ def test_the_report_counts_frames_failures_and_time() -> None:
 
 
 def test_nothing_tracked_has_no_times() -> None:
-    assert Record().facts()["median_milliseconds"] is None
+    assert TrackSummary().facts()["median_milliseconds"] is None
 
 
 def test_fifteen_doubtful_frames_are_taken_for_lost() -> None:

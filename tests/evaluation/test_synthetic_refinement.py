@@ -7,16 +7,18 @@ from moveit6d.evaluation.default_camera import CAMERA
 from moveit6d.evaluation.synthetic_refinement import make_cases, run_cases
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.policies import MoveMode, OraclePolicy
+from moveit6d.policies import ActionMode, OraclePolicy
 from moveit6d.rendering.renderer import make_renderer
 
 GREY = [np.full((120, 160, 3), 128, np.uint8)]
 
 
-def some_cases(brick: Mesh, covered: float = 0.0) -> list:  # type: ignore[type-arg]
-    return list(make_cases(
-        [brick], GREY, make_renderer(), cluster="all_small", covered=covered, number=4, seed=1
-    ))  # fmt: skip
+def some_cases(brick: Mesh, occluded: float = 0.0) -> list:  # type: ignore[type-arg]
+    return list(
+        make_cases(
+            [brick], GREY, make_renderer(), cluster="all_small", occluded=occluded, number=4, seed=1
+        )
+    )
 
 
 def test_the_object_is_drawn_at_the_true_pose(brick: Mesh) -> None:
@@ -34,12 +36,12 @@ def test_the_object_is_drawn_at_the_true_pose(brick: Mesh) -> None:
 def test_the_start_is_small_counts_away_and_the_oracle_finds_back(brick: Mesh) -> None:
     cases = some_cases(brick)
     truth = Pose.stack([brick.inner(case.truth) for case in cases])
-    policy = OraclePolicy(truth, MoveMode.ALL_AXES)
+    policy = OraclePolicy(truth, ActionMode.ALL_AXES)
     outcomes = list(run_cases(cases, policy, make_renderer(), 5))
-    assert all(0.01 < outcome.before < 0.8 for outcome in outcomes)
-    assert all(outcome.after < 1e-6 for outcome in outcomes)
+    assert all(0.01 < refined.before < 0.8 for refined in outcomes)
+    assert all(refined.after < 1e-6 for refined in outcomes)
 
 
 def test_covering_changes_the_picture(brick: Mesh) -> None:
-    plain, covered = some_cases(brick)[0], some_cases(brick, 1.0)[0]
-    assert not torch.equal(plain.target.image, covered.target.image)
+    plain, occluded = some_cases(brick)[0], some_cases(brick, 1.0)[0]
+    assert not torch.equal(plain.target.image, occluded.target.image)

@@ -15,8 +15,8 @@ from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.sequences import read_sequences
 from moveit6d.errors import InputError
 from moveit6d.evaluation.track_scores import (
+    EvaluationPoints,
     Score,
-    Surface,
     comparison_table,
     frame_errors,
     read_track,
@@ -34,13 +34,13 @@ def at(x: float) -> Pose:
 
 
 @pytest.fixture
-def surface() -> Surface:
+def surface() -> EvaluationPoints:
     """Any points; only translations are off here, so that ADD is their length."""
-    return Surface(torch.randn(20, 3, dtype=torch.float64), diameter=0.2)
+    return EvaluationPoints(torch.randn(20, 3, dtype=torch.float64), diameter=0.2)
 
 
 def test_surface_points_lie_on_the_surface_in_the_files_frame(brick: Mesh) -> None:
-    points = Surface.of(brick).points
+    points = EvaluationPoints.of(brick).points
     low, high = points.amin(0), points.amax(0)
     # The brick's corners as the fixture makes them.
     expected = torch.tensor([[-0.03, -0.05, -0.005], [0.09, 0.03, 0.045]], dtype=torch.float64)
@@ -49,7 +49,7 @@ def test_surface_points_lie_on_the_surface_in_the_files_frame(brick: Mesh) -> No
     assert len(points) == 2000 and float(faces.max()) < 1e-6
 
 
-def test_a_perfect_track_is_perfect(surface: Surface) -> None:
+def test_a_perfect_track_is_perfect(surface: EvaluationPoints) -> None:
     truth = {frame: at(0.01 * frame) for frame in range(30)}
     rows = {frame: PoseRow(frame, pose=pose) for frame, pose in truth.items()}
     found = score(rows, truth, surface)
@@ -57,12 +57,12 @@ def test_a_perfect_track_is_perfect(surface: Surface) -> None:
     assert found.never_lost
 
 
-def test_the_figures_of_a_track_with_errors(surface: Surface) -> None:
+def test_the_figures_of_a_track_with_errors(surface: EvaluationPoints) -> None:
     truth = {frame: at(0.0) for frame in range(5)}
     rows = {
         0: PoseRow(0, pose=at(9.0)),  # given, never scored
-        1: PoseRow(1, pose=at(0.0), milliseconds=10.0, steps=2),
-        2: PoseRow(2, pose=at(0.015), milliseconds=30.0, steps=5),  # below 10 %, not 5 %
+        1: PoseRow(1, pose=at(0.0), milliseconds=10.0, iterations=2),
+        2: PoseRow(2, pose=at(0.015), milliseconds=30.0, iterations=5),  # below 10 %, not 5 %
         3: PoseRow(3, pose=at(5.0), milliseconds=20.0, reset=True),  # cut at one diameter
         4: PoseRow(4),  # no pose
     }
@@ -73,7 +73,7 @@ def test_the_figures_of_a_track_with_errors(surface: Surface) -> None:
     assert found.until_lost == 3 and not found.never_lost
     assert found.within_5cm_5deg == 0.5
     assert (found.resets, found.milliseconds, found.missing) == (1, 20.0, 1)
-    assert found.steps == 3.5
+    assert found.iterations == 3.5
 
 
 def test_a_symmetric_object_is_scored_by_add_s(brick: Mesh) -> None:
@@ -82,18 +82,18 @@ def test_a_symmetric_object_is_scored_by_add_s(brick: Mesh) -> None:
     turned = at(0.0) @ middle @ half.to(torch.float64) @ middle.inverse()
     truth = {frame: at(0.0) for frame in range(3)}
     rows = {frame: PoseRow(frame, pose=turned) for frame in truth}
-    assert score(rows, truth, Surface.of(brick)).below_10 == 0
-    assert score(rows, truth, Surface.of(brick, symmetric=True)).below_10 == 1
+    assert score(rows, truth, EvaluationPoints.of(brick)).below_10 == 0
+    assert score(rows, truth, EvaluationPoints.of(brick, symmetric=True)).below_10 == 1
 
 
-def test_holes_in_the_truth_are_not_scored(surface: Surface) -> None:
+def test_holes_in_the_truth_are_not_scored(surface: EvaluationPoints) -> None:
     truth = {0: at(0), 1: at(0), 7: at(0)}
     rows = {frame: PoseRow(frame, pose=at(1.0 if frame in (3, 4) else 0)) for frame in range(8)}
     assert [error.frame for error in frame_errors(rows, truth, surface)] == [1, 7]
     assert score(rows, truth, surface).below_10 == 1.0
 
 
-def test_one_true_pose_cannot_be_scored(surface: Surface) -> None:
+def test_one_true_pose_cannot_be_scored(surface: EvaluationPoints) -> None:
     with pytest.raises(InputError, match="at least two frames"):
         score({}, {0: at(0)}, surface)
 
@@ -137,13 +137,16 @@ def test_the_comparison_puts_trackers_beside_each_other() -> None:
 
 
 def test_steps_have_a_column_where_a_track_counts_them() -> None:
-    counted = {"a_0": replace(some_score(1.0), steps=3.0), "a_1": replace(some_score(1.0), steps=8)}
+    counted = {
+        "a_0": replace(some_score(1.0), iterations=3.0),
+        "a_1": replace(some_score(1.0), iterations=8),
+    }
     levels = {"a_0": "a", "a_1": "a"}
     table = comparison_table({"rival": {"a_0": some_score(0.9)}, "ours": counted}, levels)
     head, _, *rows = [[cell.strip() for cell in line.split("|")] for line in table.splitlines()]
-    column = head.index("steps")
+    column = head.index("iterations")
     assert [row[column] for row in rows] == ["-", "5.5"]
-    assert "steps" not in tracking_table({"a_0": some_score(0.9)}, levels)
+    assert "iterations" not in tracking_table({"a_0": some_score(0.9)}, levels)
 
 
 @pytest.fixture(scope="module")
@@ -164,7 +167,7 @@ def test_rivals_get_exactly_the_benchmarks_figures(
     bench = shared / "bench"
     for sequence in read_sequences(bench / "sequences")[::3]:
         file = bench / "rivals" / rival / f"{sequence.name}.csv"
-        surface = Surface.of(Mesh.load(sequence.mesh, "m"))
+        surface = EvaluationPoints.of(Mesh.load(sequence.mesh, "m"))
         ours = score(read_track(file), sequence.truth, surface)
         theirs = reference.score(sequence.folder, file)
         assert (ours.frames, ours.until_lost) == (theirs["frames"], theirs["until_lost"])

@@ -24,7 +24,7 @@ from moveit6d.networks.inference import InferenceNetwork
 from moveit6d.networks.weights_file import load_network, save_network
 from moveit6d.synthesis.objects.primitives import box
 from moveit6d.synthesis.objects.textures import paint, random_palette
-from moveit6d.synthesis.sequences.difficulty import Level
+from moveit6d.synthesis.sequences.difficulty import Difficulty
 from moveit6d.synthesis.sequences.sequence import Scene, write_sequence
 from tests.support.observations import an_observation
 
@@ -60,14 +60,14 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> BoxClip:
         ]
     )
     mesh = Mesh.from_arrays("cube", part.vertices, part.faces, uv=part.uv, texture=print_)
-    slow = Level("slow", (1.5, 2.0), (0.8, 1.0), clutter=(0, 0))
+    slow = Difficulty("slow", (1.5, 2.0), (0.8, 1.0), clutter=(0, 0))
     grey_wall = [np.full((60, 80, 3), 120, np.uint8)]
     scene = Scene(mesh, 12, 10, slow, photos=grey_wall, camera=CAMERA)
-    shots = [scene.shoot(k) for k in range(10)]
-    frames = [np.asarray(Image.fromarray(shot.image).convert("L")) for shot in shots]
+    rendered = [scene.render_frame(k) for k in range(10)]
+    frames = [np.asarray(Image.fromarray(one.image).convert("L")) for one in rendered]
     folder = tmp_path_factory.mktemp("visp")
     return BoxClip(
-        folder, *_write_visp(folder, frames, shots[0].pose), frames, [s.pose for s in shots]
+        folder, *_write_visp(folder, frames, rendered[0].pose), frames, [s.pose for s in rendered]
     )
 
 
@@ -138,9 +138,11 @@ def test_texture_from_the_first_frame_looks_like_the_frame(clip: BoxClip) -> Non
 
 @pytest.mark.usefixtures("on_path")
 def test_visp_example_runs(
-    clip: BoxClip, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    clip: BoxClip,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     import track_visp_cube
 
     from moveit6d.policies import OraclePolicy
@@ -159,15 +161,17 @@ def test_visp_example_runs(
 
 @pytest.mark.usefixtures("on_path")
 def test_your_video_example_runs(
-    tmp_path: Path, brick: Mesh, monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    brick: Mesh,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     import track_my_video
 
     from moveit6d.datasets.pose_files import read_pose
     from moveit6d.policies import OraclePolicy
 
-    folder = write_sequence(tmp_path / "clip", mesh=brick, seed=1, frames=2, level="easy")
+    folder = write_sequence(tmp_path / "clip", mesh=brick, seed=1, frames=2, difficulty="easy")
     start = read_pose(folder / "start.json")
     oracle = OraclePolicy(Pose.stack([brick.inner(start)]))
     monkeypatch.setattr("moveit6d.estimation.tracker.load_policy", lambda: oracle)
@@ -198,7 +202,7 @@ def test_laval_example_goes_from_the_first_frame_to_a_report(
     assert "robot_occlusion_v_30: ADD below 10 %" in capsys.readouterr().out
     page = (out / "report.html").read_text()
     assert page.count('data-frame="') == 3 and "tiny.safetensors" in page
-    assert "stand-in for Laval" in page
+    assert "surrogate for Laval" in page
     with pytest.raises(InputError, match="robot_occlusion_h_30, robot_occlusion_v_30"):
         laval_unseen_object.main(["--laval", str(out / "data"), "--sequence", "dog_occlusion_0"])
 
@@ -247,8 +251,20 @@ def test_training_example_trains_on_the_mesh(
     from moveit6d.networks.weights_file import load_network
 
     out = tmp_path / "out"
-    train_on_my_mesh.main(["--steps", "2", "--batch", "2", "--output", str(out), "--frames", "2",
-                           "--weights", str(weights)])  # fmt: skip
+    train_on_my_mesh.main(
+        [
+            "--steps",
+            "2",
+            "--batch",
+            "2",
+            "--output",
+            str(out),
+            "--frames",
+            "2",
+            "--weights",
+            str(weights),
+        ]
+    )
     assert "--weights" in capsys.readouterr().out
     trained, given = (load_network(path) for path in (out / "weights.safetensors", weights))
     assert trained.facts["steps"] == "2"
@@ -293,9 +309,9 @@ def test_weights_of_examples_are_what_their_folder_says(weights: Path) -> None:
     assert isinstance(network, ActionNet if is_papers else CorrelationNet)
     seen = an_observation(2)
     flat = replace(seen, depth=torch.zeros_like(seen.depth))
-    decide = InferenceNetwork(network, compute="float32")
+    predict = InferenceNetwork(network, compute="float32")
     # Whether the rendering's depth changes what it says.
-    assert torch.equal(decide(seen).logits, decide(flat).logits) is (
+    assert torch.equal(predict(seen).logits, predict(flat).logits) is (
         weights.parent.name == "no_depth"
     )
 

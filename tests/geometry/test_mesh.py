@@ -292,9 +292,18 @@ def test_meshes_are_equal_only_to_themselves():
 def test_normals_cross_a_seam_but_not_a_crease():
     # Two coplanar triangles that share no vertex, and a third at a right angle.
     vertices = 0.1 * np.array(
-        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 0], [0, 1, 0],
-         [0, 0, 1]]
-    )  # fmt: skip
+        [
+            [0, 0, 0],
+            [1, 0, 0],
+            [0, 1, 0],
+            [1, 0, 0],
+            [1, 1, 0],
+            [0, 1, 0],
+            [0, 0, 0],
+            [0, 1, 0],
+            [0, 0, 1],
+        ]
+    )
     mesh = Mesh.from_arrays("seam", vertices, [[0, 1, 2], [3, 4, 5], [6, 7, 8]])
     np.testing.assert_allclose(mesh.corner_normals[0], [[0, 0, 1]] * 3, atol=1e-6)
     np.testing.assert_allclose(mesh.corner_normals[2], [[1, 0, 0]] * 3, atol=1e-6)

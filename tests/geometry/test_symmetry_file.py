@@ -29,8 +29,10 @@ def test_bop_s_models_info_beside_its_models(tmp_path: Path) -> None:
     info = {"5": {"diameter": 100, "symmetries_discrete": [half]}, "6": {"diameter": 80}}
     (tmp_path / "models_info.json").write_text(json.dumps(info))
     found = symmetries_beside(tmp_path / "obj_000005.ply").discrete
-    assert np.allclose(found[0], np.array(half).reshape(4, 4) * [[1], [1], [0.001], [1]] +
-                       np.diag([0, 0, 0.999, 0]))  # fmt: skip
+    assert np.allclose(
+        found[0],
+        np.array(half).reshape(4, 4) * [[1], [1], [0.001], [1]] + np.diag([0, 0, 0.999, 0]),
+    )
     assert symmetries_beside(tmp_path / "obj_000006.ply").is_trivial
     assert symmetries_beside(tmp_path / "obj_000007.ply").is_trivial
 

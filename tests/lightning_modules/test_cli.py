@@ -21,12 +21,20 @@ def arguments(folder: Path, steps: int) -> list[str]:
     """The shipped config with a tiny network, few objects and everything written to `folder`."""
     sizes = "{channels: [4, 6, 8], geometry: [4, 4, 4], context: 8, decoder: 8, fine: 8}"
     return [
-        "--config", str(CONFIG), f"--model.network.init_args.config={sizes}",
-        "--data.shapes=2", "--data.batch_size=4", "--data.workers=0",
-        "--data.validation_batches=1", f"--trainer.max_steps={steps}",
-        "--trainer.val_check_interval=5", "--model.matching_steps=2",
-        f"--output={folder}", "--export.every_n_steps=2", "--checkpoint.every_n_train_steps=2",
-    ]  # fmt: skip
+        "--config",
+        str(CONFIG),
+        f"--model.network.init_args.config={sizes}",
+        "--data.shapes=2",
+        "--data.batch_size=4",
+        "--data.workers=0",
+        "--data.validation_batches=1",
+        f"--trainer.max_steps={steps}",
+        "--trainer.val_check_interval=5",
+        "--model.matching_steps=2",
+        f"--output={folder}",
+        "--export.every_n_steps=2",
+        "--checkpoint.every_n_train_steps=2",
+    ]
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -60,9 +68,11 @@ def test_a_killed_fit_goes_on_where_it_was(tmp_path: Path) -> None:
     more = ["--data.photos", str(pictures)]
     checkpoint = tmp_path / "last.ckpt"
     process = subprocess.Popen(
-        [*command, *arguments(tmp_path, 10_000), *more], cwd=tmp_path,
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
+        [*command, *arguments(tmp_path, 10_000), *more],
+        cwd=tmp_path,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     deadline = time.monotonic() + 600
     while not checkpoint.exists() and time.monotonic() < deadline and process.poll() is None:
         time.sleep(0.2)
@@ -71,9 +81,13 @@ def test_a_killed_fit_goes_on_where_it_was(tmp_path: Path) -> None:
     reached = steps_of(checkpoint)
     assert reached >= 2
     resumed = subprocess.run(
-        [*command, *arguments(tmp_path, reached + 4), *more], cwd=tmp_path,
-        capture_output=True, text=True, timeout=600, check=False,
-    )  # fmt: skip
+        [*command, *arguments(tmp_path, reached + 4), *more],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
     assert resumed.returncode == 0, resumed.stderr[-2000:]
     assert "Restored all states" in resumed.stderr + resumed.stdout
     assert load_network(tmp_path / "weights.safetensors").facts["steps"] == str(reached + 4)

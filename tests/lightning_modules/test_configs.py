@@ -56,11 +56,17 @@ def test_presets_name_every_value_so_that_one_replaces_the_other(name: str) -> N
 def test_the_shipped_model_s_defaults_are_the_realistic_ones_but_for_what_is_new() -> None:
     new = preset("realistic")
     old, default = new.augment, AugmentConfig()
-    differ = {f.name for f in dataclasses.fields(old)
-              if getattr(old, f.name) != getattr(default, f.name)}  # fmt: skip
+    differ = {
+        f.name for f in dataclasses.fields(old) if getattr(old, f.name) != getattr(default, f.name)
+    }
     assert differ == {
-        "background_blurred", "bent", "coarse", "marked", "cluttered", "clutter",
-    }  # fmt: skip
+        "background_blurred",
+        "lens_error",
+        "downsampled",
+        "boards",
+        "cluttered",
+        "clutter",
+    }
     assert new.lights == LightConfig() and new.bank == BankConfig()
 
 
@@ -79,8 +85,11 @@ def test_the_paper_s_optimizer() -> None:
     """Adam 1e-4, five percent less every 1,000 steps."""
     module = PoseActionModule(
         ActionNet(ActionConfig(channels=(4, 4, 4, 4), hidden=4)),
-        learning_rate=1e-4, schedule="paper", warmup_steps=0, weight_decay=0.0,
-    )  # fmt: skip
+        learning_rate=1e-4,
+        schedule="paper",
+        warmup_steps=0,
+        weight_decay=0.0,
+    )
     made = module.configure_optimizers()
     (group,) = made["optimizer"].param_groups
     assert group["weight_decay"] == 0.0 and group["betas"] == (0.9, 0.999)
@@ -112,24 +121,34 @@ def test_two_processes_train_together_each_on_its_own_pairs(tmp_path: Path) -> N
         f"--config={CONFIGS / 'fit' / 'multi_object.yaml'}",
         f"--config={CONFIGS / 'overlay' / 'cpu.yaml'}",
         f"--config={CONFIGS / 'overlay' / 'ddp.yaml'}",
-        "--trainer.strategy=ddp_fork_find_unused_parameters_true", "--trainer.max_steps=2",
+        "--trainer.strategy=ddp_fork_find_unused_parameters_true",
+        "--trainer.max_steps=2",
         "--model.network.init_args.config={channels: [4, 4, 4, 4], hidden: 4}",
-        "--data.shapes=1", "--data.workers=0", "--data.batch_size=2", "--data.validation_batches=1",
-        "--data.pairs.bank.each_batch=1", f"--data.photos={pictures}",
+        "--data.shapes=1",
+        "--data.workers=0",
+        "--data.batch_size=2",
+        "--data.validation_batches=1",
+        "--data.pairs.bank.each_batch=1",
+        f"--data.photos={pictures}",
         "--trainer.callbacks=tests.support.recorder.PairRecorder",
-        f"--trainer.callbacks.folder={tmp_path}", f"--output={tmp_path}",
+        f"--trainer.callbacks.folder={tmp_path}",
+        f"--output={tmp_path}",
         "--trainer.val_check_interval=2",
-    ]  # fmt: skip
+    ]
     code = "import sys; from lightning_modules.cli import main; main(sys.argv[1:])"
     paths = os.pathsep.join([str(ROOT), str(ROOT / "lib")])
     done = subprocess.run(
-        [sys.executable, "-c", code, *words], cwd=tmp_path, capture_output=True, text=True,
-        env={**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"}, timeout=600,
-    )  # fmt: skip
+        [sys.executable, "-c", code, *words],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"},
+        timeout=600,
+    )
     assert done.returncode == 0, done.stderr[-3000:]
     ranks = [torch.load(tmp_path / f"rank{rank}.pt") for rank in (0, 1)]
-    for first, second in zip(ranks[0]["counts"], ranks[1]["counts"], strict=True):
+    for first, second in zip(ranks[0]["delta"], ranks[1]["delta"], strict=True):
         assert not torch.equal(first, second)
-    assert len(ranks[0]["counts"]) == 2
+    assert len(ranks[0]["delta"]) == 2
     assert ranks[0]["weights"].abs().sum() > 0
     assert torch.equal(ranks[0]["weights"], ranks[1]["weights"]), "one network in both"

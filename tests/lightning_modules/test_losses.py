@@ -9,8 +9,8 @@ import torch
 from lightning_modules.losses import (
     RIGHT,
     LossWeights,
-    cell_truth,
     correlation_losses,
+    dense_truth,
     is_right,
     matching_loss,
     point_error,
@@ -32,23 +32,23 @@ def batch() -> TrainingBatch:
 def test_no_counts_mean_no_displacement(batch: TrainingBatch) -> None:
     still = replace(
         batch,
-        counts=torch.zeros_like(batch.counts),
+        delta=torch.zeros_like(batch.delta),
         true_depth=batch.observation.depth,
         true_mask=batch.observation.mask,
         visible=batch.observation.mask,
     )
-    truth = cell_truth(still, 8)
+    truth = dense_truth(still, 8)
     assert (truth.displacement.abs() * truth.covered[..., None]).max() < 1e-3
     assert torch.equal(truth.visible, truth.covered)
 
 
 def test_covered_cells_are_not_visible(batch: TrainingBatch) -> None:
     hidden = replace(batch, visible=torch.zeros_like(batch.visible))
-    assert cell_truth(hidden, 4).visible.max() == 0
+    assert dense_truth(hidden, 4).visible.max() == 0
 
 
 def test_matching_loss_is_least_at_the_true_displacement(batch: TrainingBatch) -> None:
-    truth = cell_truth(batch, 8)
+    truth = dense_truth(batch, 8)
     radius, side = 4, 9
     cells = (truth.displacement / 8).round().long().clamp(-radius, radius)
     index = (cells[..., 1] + radius) * side + cells[..., 0] + radius
@@ -61,8 +61,8 @@ def test_matching_loss_is_least_at_the_true_displacement(batch: TrainingBatch) -
 
 
 def test_point_error_is_zero_at_the_truth_and_grows(batch: TrainingBatch) -> None:
-    assert point_error(batch, batch.counts).max() < 2e-4
-    off = batch.counts.clone()
+    assert point_error(batch, batch.delta).max() < 2e-4
+    off = batch.delta.clone()
     off[:, 2] += 1
     error = point_error(batch, off)
     # One pixel of diameter is a step in depth of distance / 91 diameters.
@@ -72,7 +72,7 @@ def test_point_error_is_zero_at_the_truth_and_grows(batch: TrainingBatch) -> Non
 
 
 def test_a_pose_is_right_by_the_object_not_by_the_patch(batch: TrainingBatch) -> None:
-    error = torch.full((len(batch.counts),), 1.3 * RIGHT)
+    error = torch.full((len(batch.delta),), 1.3 * RIGHT)
     assert not is_right(batch, error).any()
     assert is_right(replace(batch, zoom=1.5 * batch.zoom), error).all()
 

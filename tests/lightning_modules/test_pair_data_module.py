@@ -32,7 +32,7 @@ TINY = CorrelationConfig(channels=(4, 6, 8), geometry=(4, 4, 4), context=8, deco
 
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> PairSource:
-    """Three pictures and one made shape."""
+    """Three pictures and one procedural shape."""
     return small_source(tmp_path_factory.mktemp("photos"))
 
 
@@ -65,16 +65,16 @@ def test_a_folder_with_too_few_meshes_is_refused(tmp_path: Path) -> None:
         PairDataModule(occluders=empty).source()
 
 
-def first_counts(source: PairSource, step: int, first: int = 0) -> torch.Tensor:
+def first_delta(source: PairSource, step: int, first: int = 0) -> torch.Tensor:
     stream = PairStream(source, 2, 50, (0, step), None, first)
-    return next(iter(stream)).counts
+    return next(iter(stream)).delta
 
 
 def test_a_resumed_stream_and_another_process_draw_other_pairs(source: PairSource) -> None:
-    now, again = first_counts(source, 0), first_counts(source, 0)
+    now, again = first_delta(source, 0), first_delta(source, 0)
     assert torch.equal(now, again)
-    assert not torch.equal(first_counts(source, 250), now)
-    assert not torch.equal(first_counts(source, 0, first=1), now)
+    assert not torch.equal(first_delta(source, 250), now)
+    assert not torch.equal(first_delta(source, 0, first=1), now)
 
 
 @pytest.mark.parametrize(("renew_every", "made"), [(0, 1), (1, 4), (2, 2)])
@@ -85,9 +85,11 @@ def test_shapes_are_renewed_unless_the_object_is_to_stay(
     original = PairSource.shape
 
     def counted(
-        self: PairSource, random: np.random.Generator, pictures: list[np.ndarray],
+        self: PairSource,
+        random: np.random.Generator,
+        pictures: list[np.ndarray],
         meshes: tuple[Mesh, ...],
-    ) -> Mesh:  # fmt: skip
+    ) -> Mesh:
         shapes.append(original(self, random, pictures, meshes))
         return shapes[-1]
 
@@ -103,7 +105,7 @@ def test_symmetric_shapes_are_as_many_as_wanted(source: PairSource) -> None:
 
 
 def test_bare_copies_of_the_meshes_are_as_many_as_wanted(source: PairSource) -> None:
-    some = dataclasses.replace(source, bare=0.5)
+    some = dataclasses.replace(source, untextured=0.5)
     random = np.random.default_rng(0)
     mesh = some.shape(random, [])
     drawn = [some.shape(random, [], [mesh]) for _ in range(40)]
@@ -117,7 +119,7 @@ def test_bare_copies_of_the_meshes_are_as_many_as_wanted(source: PairSource) -> 
 
 def batches(source: PairSource, rollouts: RolloutConfig, count: int) -> list[torch.Tensor]:
     stream = PairStream(source, 2, 0, (0, 0), rollouts)
-    return [batch.counts for batch in islice(stream, count)]
+    return [batch.delta for batch in islice(stream, count)]
 
 
 def test_without_a_network_file_all_batches_are_fresh(source: PairSource, tmp_path: Path) -> None:
@@ -134,7 +136,7 @@ def test_with_one_every_second_batch_is_where_it_led(source: PairSource, tmp_pat
     assert torch.equal(found[0], fresh[0])
     assert found[1].shape == fresh[0].shape and not torch.equal(found[1], fresh[0])
     assert (found[1] - found[0]).abs().max() < 60, "a move away, not another pair"
-    assert len(batches(source, RolloutConfig(weights, 0), 2)) == 2  # no cycles: none asked
+    assert len(batches(source, RolloutConfig(weights, 0), 2)) == 2  # no iterations: none asked
 
 
 def test_a_new_file_is_read_anew(tmp_path: Path) -> None:
@@ -173,7 +175,7 @@ def test_the_loader_reads_every_written_pair_once_in_workers(written: Path) -> N
     def epoch(workers: int) -> Counter[tuple[float, ...]]:
         module = PairDataModule(written=written, batch_size=2, workers=workers)
         loader = module.train_dataloader()
-        return Counter(tuple(b.counts.flatten().tolist()) for b in islice(loader, 8))
+        return Counter(tuple(b.delta.flatten().tolist()) for b in islice(loader, 8))
 
     alone = epoch(0)
     assert len(alone) == 8 and set(alone.values()) == {1}
@@ -181,13 +183,13 @@ def test_the_loader_reads_every_written_pair_once_in_workers(written: Path) -> N
 
 
 def test_processes_share_written_pairs_and_go_on(written: Path) -> None:
-    def counts(step: int, rank: int, number: int) -> list[tuple[float, ...]]:
+    def delta(step: int, rank: int, number: int) -> list[tuple[float, ...]]:
         stream = WrittenStream(written, 2, 0, step, rank, 2)
-        return [tuple(b.counts.flatten().tolist()) for b in islice(stream, number)]
+        return [tuple(b.delta.flatten().tolist()) for b in islice(stream, number)]
 
-    first, second = counts(0, 0, 4), counts(0, 1, 4)
+    first, second = delta(0, 0, 4), delta(0, 1, 4)
     assert not set(first) & set(second) and len(set(first + second)) == 8
-    assert counts(3, 1, 1) == second[3:]
+    assert delta(3, 1, 1) == second[3:]
 
 
 def test_rollouts_are_of_what_the_fit_itself_exports_unless_told_otherwise(tmp_path: Path) -> None:
@@ -203,5 +205,5 @@ def test_rollouts_are_of_what_the_fit_itself_exports_unless_told_otherwise(tmp_p
 
 def test_written_pairs_and_rollouts_exclude_each_other(written: Path) -> None:
     module = PairDataModule(written=written, rollouts=RolloutConfig(Path("w"), 2))
-    with pytest.raises(InputError, match=r"data\.rollouts\.cycles"):
+    with pytest.raises(InputError, match=r"data\.rollouts\.iterations"):
         module.train_dataloader()

@@ -29,9 +29,13 @@ def test_pairs_of_other_crops_than_the_networks_are_refused() -> None:
     module = PoseActionModule(ActionNet(ActionConfig(crop="axis_parallel")))
     data = PairDataModule(shapes=1, workers=0)
     trainer = pl.Trainer(
-        max_steps=1, accelerator="cpu", logger=False, enable_checkpointing=False,
-        enable_progress_bar=False, limit_val_batches=0,
-    )  # fmt: skip
+        max_steps=1,
+        accelerator="cpu",
+        logger=False,
+        enable_checkpointing=False,
+        enable_progress_bar=False,
+        limit_val_batches=0,
+    )
     with pytest.raises(InputError, match="look_at crops, the network is made for axis_parallel"):
         trainer.fit(module, data)
 

@@ -7,11 +7,11 @@ from tests.support.observations import an_observation
 
 
 def test_shapes_and_attention() -> None:
-    decision, logit = ActionNet().eval()(an_observation(3))
-    assert decision.logits.shape == (3, 13) and logit.shape == (3,)
-    assert decision.counts is None
-    assert decision.attention is not None and decision.attention.shape == (3, 1, 8, 8)
-    assert decision.attention.min() >= 0 and decision.attention.max() <= 1
+    prediction, logit = ActionNet().eval()(an_observation(3))
+    assert prediction.logits.shape == (3, 13) and logit.shape == (3,)
+    assert prediction.delta is None
+    assert prediction.attention is not None and prediction.attention.shape == (3, 1, 8, 8)
+    assert prediction.attention.min() >= 0 and prediction.attention.max() <= 1
 
 
 def test_without_depth_there_are_seven_channels() -> None:
@@ -25,9 +25,9 @@ def test_it_can_tell_two_observations_apart() -> None:
     torch.manual_seed(0)
     network = ActionNet(ActionConfig(channels=(8, 8, 16, 16), hidden=32))
     optimizer = torch.optim.Adam(network.parameters(), 3e-3)
-    seen, target = an_observation(2), torch.tensor([3, 12])
+    observation, target = an_observation(2), torch.tensor([3, 12])
     for _ in range(40):
-        loss = torch.nn.functional.cross_entropy(network(seen)[0].logits, target)
+        loss = torch.nn.functional.cross_entropy(network(observation)[0].logits, target)
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()

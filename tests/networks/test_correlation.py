@@ -22,42 +22,46 @@ def test_answers_have_the_stated_shapes_and_are_finite() -> None:
     network = CorrelationNet().eval()
     with torch.no_grad():
         output = network(an_observation(2))
-    decision = output.decision
-    assert decision.logits.shape == (2, 13) and decision.confidence.shape == (2,)
-    assert decision.counts is not None and decision.counts.shape == (2, 6)
-    assert decision.attention is not None and decision.attention.shape == (2, 1, 16, 16)
+    prediction = output.prediction
+    assert prediction.logits.shape == (2, 13) and prediction.confidence.shape == (2,)
+    assert prediction.delta is not None and prediction.delta.shape == (2, 6)
+    assert prediction.attention is not None and prediction.attention.shape == (2, 1, 16, 16)
     assert output.matching.shape == (2, 256, 81)
     assert output.fine.displacement.shape == (2, 2, 32, 32)
-    assert all(torch.isfinite(v).all() for v in (decision.logits, decision.counts, output.matching))
+    assert all(
+        torch.isfinite(v).all() for v in (prediction.logits, prediction.delta, output.matching)
+    )
 
 
 def test_a_batch_answers_as_its_parts_do() -> None:
     network = CorrelationNet().eval()
     both = an_observation(2)
     with torch.no_grad():
-        together = network(both).decision.logits
+        together = network(both).prediction.logits
         for i in range(2):
             part = Observation(*(getattr(both, n)[i : i + 1] for n in both.__dataclass_fields__))
             torch.testing.assert_close(
-                network(part).decision.logits[0], together[i], atol=1e-4, rtol=0
+                network(part).prediction.logits[0], together[i], atol=1e-4, rtol=0
             )
 
 
 def test_an_empty_rendering_gives_finite_answers() -> None:
-    seen = an_observation(1)
-    zero = torch.zeros_like(seen.mask)
-    empty = Observation(seen.image, seen.rendering * 0, zero, zero, seen.distance)
+    observation = an_observation(1)
+    zero = torch.zeros_like(observation.mask)
+    empty = Observation(
+        observation.image, observation.rendering * 0, zero, zero, observation.distance
+    )
     with torch.no_grad():
-        counts = CorrelationNet().eval()(empty).decision.counts
-    assert counts is not None and torch.isfinite(counts).all()
+        delta = CorrelationNet().eval()(empty).prediction.delta
+    assert delta is not None and torch.isfinite(delta).all()
 
 
 def test_in_the_first_steps_only_matching_reaches_the_encoder() -> None:
     network = CorrelationNet()
     output = network(an_observation(2), matching_only=True)
-    counts = output.decision.counts
-    assert counts is not None
-    counts.sum().backward()
+    delta = output.prediction.delta
+    assert delta is not None
+    delta.sum().backward()
     gradient = network.encode8[0][0].weight.grad
     assert gradient is None or gradient.abs().max() == 0
     network(an_observation(2), matching_only=True).matching.square().sum().backward()
@@ -66,7 +70,13 @@ def test_in_the_first_steps_only_matching_reaches_the_encoder() -> None:
 
 def test_without_depth_the_depth_is_not_looked_at() -> None:
     network = CorrelationNet(CorrelationConfig(use_depth=False)).eval()
-    seen = an_observation(1)
-    other = Observation(seen.image, seen.rendering, seen.depth * 0.3, seen.mask, seen.distance)
+    observation = an_observation(1)
+    other = Observation(
+        observation.image,
+        observation.rendering,
+        observation.depth * 0.3,
+        observation.mask,
+        observation.distance,
+    )
     with torch.no_grad():
-        assert torch.equal(network(seen).decision.logits, network(other).decision.logits)
+        assert torch.equal(network(observation).prediction.logits, network(other).prediction.logits)

@@ -21,12 +21,12 @@ def test_folded_and_traced_networks_answer_as_the_original(kind: type) -> None:
     original.eval()
     fast = InferenceNetwork(original, compute="float32")
     for batch in (1, 2, TRACED + 1, 1):
-        seen = an_observation(batch, seed=batch)
+        observation = an_observation(batch, seed=batch)
         with torch.no_grad():
-            answer = original(seen)
-        expected = answer[0] if isinstance(answer, tuple) else answer.decision
-        found = fast(seen)
-        for name in ("logits", "counts", "confidence", "attention"):
+            answer = original(observation)
+        expected = answer[0] if isinstance(answer, tuple) else answer.prediction
+        found = fast(observation)
+        for name in ("logits", "delta", "confidence", "attention"):
             wanted = getattr(expected, name)
             if wanted is None:
                 assert getattr(found, name) is None
@@ -40,15 +40,15 @@ def test_folded_and_traced_networks_answer_as_the_original(kind: type) -> None:
 def test_bfloat16_moves_the_shipped_networks_answers_by_hundredths() -> None:
     network = load_network(SHIPPED_WEIGHTS).network
     exact = InferenceNetwork(network, compute="float32")
-    narrow = InferenceNetwork(network, compute="bfloat16")
-    seen = an_observation(TRACED + 3, seed=4)
-    wanted, found = exact(seen), narrow(seen)
-    assert wanted.counts is not None and found.counts is not None
-    off = (found.counts - wanted.counts).abs()
+    bfloat16 = InferenceNetwork(network, compute="bfloat16")
+    observation = an_observation(TRACED + 3, seed=4)
+    wanted, found = exact(observation), bfloat16(observation)
+    assert wanted.delta is not None and found.delta is not None
+    off = (found.delta - wanted.delta).abs()
     assert 0 < float(off.max()) < 0.5
     assert float(off.median()) < 0.05
     torch.testing.assert_close(found.confidence, wanted.confidence, atol=0.05, rtol=0)
-    assert found.counts.dtype is torch.float32
+    assert found.delta.dtype is torch.float32
 
 
 @pytest.mark.parametrize("amx", [True, False])
@@ -57,9 +57,9 @@ def test_auto_is_bfloat16_where_the_processor_has_amx(
 ) -> None:
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"amx_bf16": amx, "avx2": True})
     assert inference.is_bfloat16_fast() is amx
-    assert InferenceNetwork(CorrelationNet()).is_narrow is amx
-    assert InferenceNetwork(CorrelationNet(), compute="bfloat16").is_narrow
-    assert not InferenceNetwork(CorrelationNet(), compute="float32").is_narrow
+    assert InferenceNetwork(CorrelationNet()).is_bfloat16 is amx
+    assert InferenceNetwork(CorrelationNet(), compute="bfloat16").is_bfloat16
+    assert not InferenceNetwork(CorrelationNet(), compute="float32").is_bfloat16
 
 
 def test_capabilities_that_torch_does_not_list_are_not_there(

@@ -15,7 +15,7 @@ from moveit6d.networks.least_squares import (
     move_points,
     precision,
     project_points,
-    solve_counts,
+    solve_delta,
     surface_points,
 )
 
@@ -40,14 +40,14 @@ def test_points_project_back_to_their_pixels() -> None:
 
 def test_moves_are_those_of_pose_action() -> None:
     """The same counts move points in diameters here and poses in metres there, exactly."""
-    counts = torch.randn(3, 6, dtype=torch.float64) * 10
+    delta = torch.randn(3, 6, dtype=torch.float64) * 10
     diameter = torch.tensor([0.1, 0.2, 0.3], dtype=torch.float64)
     place = torch.stack([torch.zeros(3).double(), torch.zeros(3).double(), DISTANCE * diameter], 1)
     start = Pose(random_rotations(3), place)
-    moved = PoseAction.of(counts).apply(start, diameter)
+    moved = PoseAction.from_delta(delta).apply_centred(start, diameter)
     points = some_points() * diameter[:, None, None]
     expected = (moved @ start.inverse()).transform(points)
-    found = move_points(some_points(), DISTANCE, counts) * diameter[:, None, None]
+    found = move_points(some_points(), DISTANCE, delta) * diameter[:, None, None]
     torch.testing.assert_close(found, expected)
     view = look_at(start, diameter)
     torch.testing.assert_close(
@@ -57,18 +57,18 @@ def test_moves_are_those_of_pose_action() -> None:
 
 def test_moves_in_axis_parallel_views_are_those_of_pose_action_too() -> None:
     """Away from the axis points count as if their centre stood straight ahead: sheared."""
-    counts = torch.randn(3, 6, dtype=torch.float64) * 10
+    delta = torch.randn(3, 6, dtype=torch.float64) * 10
     diameter = torch.tensor([0.1, 0.2, 0.3], dtype=torch.float64)
     direction = torch.tensor([[0.4, -0.3], [0.0, 0.2], [-0.5, 0.1]], dtype=torch.float64)
     place = torch.cat([direction, torch.ones(3, 1).double()], 1) * (DISTANCE * diameter)[:, None]
     start = Pose(random_rotations(3), place)
-    moved = PoseAction.of(counts).apply(start, diameter, "axis_parallel")
+    moved = PoseAction.from_delta(delta).apply_centred(start, diameter, "axis_parallel")
     shear = torch.eye(3).double().repeat(3, 1, 1)
     shear[:, :2, 2] = -direction
     points = some_points()
     real = (points * diameter[:, None, None]) @ torch.linalg.inv(shear).mT
     expected = (moved @ start.inverse()).transform(real)
-    found = move_points(points, DISTANCE, counts, direction)
+    found = move_points(points, DISTANCE, delta, direction)
     torch.testing.assert_close(found * diameter[:, None, None], expected @ shear.mT)
     view = axis_parallel(start, diameter)
     torch.testing.assert_close(project(expected, view.intrinsics), project_points(found, DISTANCE))
@@ -77,8 +77,8 @@ def test_moves_in_axis_parallel_views_are_those_of_pose_action_too() -> None:
 def test_jacobian_agrees_with_automatic_differentiation() -> None:
     points = some_points()
 
-    def pixels(counts: torch.Tensor) -> torch.Tensor:
-        return project_points(move_points(points, DISTANCE, counts), DISTANCE)
+    def pixels(delta: torch.Tensor) -> torch.Tensor:
+        return project_points(move_points(points, DISTANCE, delta), DISTANCE)
 
     zero = torch.zeros(3, 6, dtype=torch.float64)
     full = torch.autograd.functional.jacobian(pixels, zero)  # (3, M, 2, 3, 6)
@@ -89,16 +89,16 @@ def test_jacobian_agrees_with_automatic_differentiation() -> None:
 
 def test_solve_recovers_small_moves_and_ignores_cells_without_weight() -> None:
     points = some_points()
-    counts = torch.tensor([[0.5, -0.3, 0.2, 0.4, -0.2, 0.3]] * 3, dtype=torch.float64)
-    shift = project_points(move_points(points, DISTANCE, counts), DISTANCE)
+    delta = torch.tensor([[0.5, -0.3, 0.2, 0.4, -0.2, 0.3]] * 3, dtype=torch.float64)
+    shift = project_points(move_points(points, DISTANCE, delta), DISTANCE)
     shift = shift - project_points(points, DISTANCE)
     weight = torch.ones(3, points.shape[1], dtype=torch.float64)
     shift[:, ::3] += 30  # nonsense where nothing is weighed
     weight[:, ::3] = 0
     damping = torch.full((6,), 1e-9, dtype=torch.float64)
     even = torch.zeros_like(shift)
-    found = solve_counts(shift, weight, even, jacobian(points, DISTANCE), damping)
-    assert (found - counts).abs().max() < 0.02
+    found = solve_delta(shift, weight, even, jacobian(points, DISTANCE), damping)
+    assert (found - delta).abs().max() < 0.02
 
 
 def test_without_any_weight_nothing_moves() -> None:
@@ -107,7 +107,7 @@ def test_without_any_weight_nothing_moves() -> None:
     damping = torch.full((6,), 1e-3, dtype=torch.float64)
     shift = torch.ones(3, points.shape[1], 2, dtype=torch.float64)
     slopes = jacobian(points, DISTANCE)
-    found = solve_counts(shift, zero, torch.zeros_like(shift), slopes, damping)
+    found = solve_delta(shift, zero, torch.zeros_like(shift), slopes, damping)
     assert found.abs().max() == 0
 
 
@@ -124,8 +124,8 @@ def test_precision_is_the_exponential_of_a_traceless_matrix() -> None:
 
 def test_noise_along_edges_does_no_harm_where_the_precision_knows_of_it() -> None:
     points = some_points()
-    counts = torch.tensor([[0.5, -0.3, 0.4, 0.4, -0.2, 0.3]] * 3, dtype=torch.float64)
-    shift = project_points(move_points(points, DISTANCE, counts), DISTANCE)
+    delta = torch.tensor([[0.5, -0.3, 0.4, 0.4, -0.2, 0.3]] * 3, dtype=torch.float64)
+    shift = project_points(move_points(points, DISTANCE, delta), DISTANCE)
     shift = shift - project_points(points, DISTANCE)
     generator = torch.Generator().manual_seed(0)
     angle = torch.rand(shift.shape[:2], generator=generator, dtype=torch.float64) * math.pi
@@ -138,7 +138,7 @@ def test_noise_along_edges_does_no_harm_where_the_precision_knows_of_it() -> Non
     damping = torch.full((6,), 1e-9, dtype=torch.float64)
     slopes = jacobian(points, DISTANCE)
     errors = [
-        (solve_counts(shift, weight, chosen, slopes, damping) - counts).abs().max()
+        (solve_delta(shift, weight, chosen, slopes, damping) - delta).abs().max()
         for chosen in (shape, torch.zeros_like(shape))
     ]
     assert errors[0] < 0.3 * errors[1]

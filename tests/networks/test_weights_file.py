@@ -22,8 +22,10 @@ def test_a_network_comes_back_as_it_was(tmp_path: Path, depth: bool) -> None:
     assert loaded.facts == {"licence": "Apache-2.0", "kind": "correlation"}
     assert len(loaded.sha256) == 64
     with torch.no_grad():
-        seen = an_observation(1)
-        assert torch.equal(loaded.network(seen).decision.logits, network(seen).decision.logits)
+        observation = an_observation(1)
+        assert torch.equal(
+            loaded.network(observation).prediction.logits, network(observation).prediction.logits
+        )
     assert [path.name for path in tmp_path.iterdir()] == ["a.safetensors"]
 
 
@@ -70,7 +72,7 @@ def test_a_crop_that_nobody_knows_is_refused(tmp_path: Path) -> None:
 
 def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
     network = ActionNet(ActionConfig(channels=(8, 8, 8, 8)))
-    network.decide[0].weight.data[0, 0] = float("nan")
+    network.classifier[0].weight.data[0, 0] = float("nan")
     save_network(network, tmp_path / "nan.safetensors")
     with pytest.raises(WeightsError, match="not finite"):
         load_network(tmp_path / "nan.safetensors")
@@ -82,21 +84,21 @@ def test_a_deeper_network_begins_with_the_answers_of_a_shallower_one(tmp_path: P
     for _ in range(3):  # running statistics that are not trivial
         shallow(an_observation(4))
     save_network(shallow, tmp_path / "shallow.safetensors")
-    deep = CorrelationNet(CorrelationConfig(deeper=(1, 2, 1)))
+    deep = CorrelationNet(CorrelationConfig(extra_blocks=(1, 2, 1)))
     begin_from(deep, tmp_path / "shallow.safetensors")
     assert sum(p.numel() for p in deep.parameters()) > 1.5 * sum(
         p.numel() for p in shallow.parameters()
     )
-    seen = an_observation(2, seed=3)
+    observation = an_observation(2, seed=3)
     with torch.no_grad():
-        wanted, found = shallow.eval()(seen), deep.eval()(seen)
-    torch.testing.assert_close(found.decision.counts, wanted.decision.counts)
-    torch.testing.assert_close(found.decision.logits, wanted.decision.logits)
+        wanted, found = shallow.eval()(observation), deep.eval()(observation)
+    torch.testing.assert_close(found.prediction.delta, wanted.prediction.delta)
+    torch.testing.assert_close(found.prediction.logits, wanted.prediction.logits)
     # Its new blocks learn: the gradient reaches what keeps them identities.
     answer = deep.train()(an_observation(4))
-    answer.decision.counts.square().sum().backward()
+    answer.prediction.delta.square().sum().backward()
     new = {name: p for name, p in deep.named_parameters() if name.endswith("second.1.weight")}
-    new = {name: p for name, p in new.items() if ".deeper." in name}
+    new = {name: p for name, p in new.items() if ".extra_blocks." in name}
     assert len(new) == 4
     assert all(p.grad is not None and bool(p.grad.abs().sum() > 0) for p in new.values())
 
@@ -108,7 +110,7 @@ def test_a_network_is_not_begun_from_weights_of_other_sizes(tmp_path: Path) -> N
         begin_from(CorrelationNet(), path)
     with pytest.raises(WeightsError, match=r"a CorrelationNet of other sizes .* a ActionNet"):
         begin_from(ActionNet(), path)
-    save_network(CorrelationNet(CorrelationConfig(deeper=(1, 0, 0))), path)
+    save_network(CorrelationNet(CorrelationConfig(extra_blocks=(1, 0, 0))), path)
     with pytest.raises(WeightsError, match="other sizes"):
         begin_from(CorrelationNet(), path)  # what a file has beyond the network is not dropped
 

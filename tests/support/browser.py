@@ -20,10 +20,17 @@ def open_page(page: Path, home: Path, *options: str) -> str:
     if program is None:
         pytest.skip(f"needs a browser: one of {', '.join(NAMES)}")
     command = [
-        program, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={home}",
-        "--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=4000", "--dump-dom",
-        *options, page.as_uri(),
-    ]  # fmt: skip
+        program,
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        f"--user-data-dir={home}",
+        "--host-resolver-rules=MAP * ~NOTFOUND",
+        "--virtual-time-budget=4000",
+        "--dump-dom",
+        *options,
+        page.as_uri(),
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     assert "Uncaught" not in done.stderr, done.stderr  # errors of the page's scripts
     return done.stdout

@@ -6,13 +6,13 @@ import dataclasses
 
 import torch
 
-from moveit6d.actions import difference
-from moveit6d.estimation.hypotheses import SURE
+from moveit6d.actions import pose_delta
+from moveit6d.estimation.track_state import HIGH_CONFIDENCE
 from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.pose import Pose
-from moveit6d.networks.decision import Decision
+from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import MoveMode, Situation
+from moveit6d.policies import ActionMode, LoopState
 
 
 @dataclasses.dataclass
@@ -21,16 +21,16 @@ class NearSighted:
 
     truth: Pose  # centred, unbatched
     reach: float
-    doubt: float = SURE - 0.3
-    mode: MoveMode = MoveMode.ALL_AXES
+    doubt: float = HIGH_CONFIDENCE - 0.3
+    mode: ActionMode = ActionMode.ALL_AXES
     crop: Crop = "look_at"
     asked: int = 0
 
-    def decide(self, seen: Observation, situation: Situation) -> Decision:
-        count = len(situation.sphere_diameter)
+    def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
+        count = len(state.sphere_diameter)
         self.asked += count
         goal = Pose.stack([self.truth] * count)
-        counts = difference(situation.pose, goal, situation.sphere_diameter)
-        near = counts.abs().amax(-1) < self.reach
+        delta = pose_delta(state.pose, goal, state.sphere_diameter)
+        near = delta.abs().amax(-1) < self.reach
         confidence = torch.where(near, 0.95, self.doubt)
-        return Decision(torch.zeros(count, 13), counts * near[:, None], confidence)
+        return PolicyOutput(torch.zeros(count, 13), delta * near[:, None], confidence)

@@ -11,7 +11,7 @@ from jsonargparse import ArgumentParser
 from PIL import Image
 
 from moveit6d.geometry.mesh import Mesh
-from moveit6d.synthesis.augmentation.augment import Dice
+from moveit6d.synthesis.augmentation.augment import RandomSource
 from moveit6d.synthesis.augmentation.backgrounds import procedural_photo
 from moveit6d.synthesis.objects.shapes import random_object
 from moveit6d.synthesis.training.pairs import PairConfig
@@ -35,15 +35,15 @@ def objects() -> tuple[Mesh, ...]:
 
 
 def small_source(folder: Path) -> PairSource:
-    """One made shape before three pictures, which are written to the folder."""
+    """One procedural shape before three pictures, which are written to the folder."""
     for number, picture in enumerate(photos()[:3]):
         Image.fromarray(picture).save(folder / f"{number}.png")
     return PairSource((), "m", folder, None, 1, PairConfig())
 
 
-def dice(seed: int = 0) -> Dice:
+def rng(seed: int = 0) -> RandomSource:
     """Dice of their own."""
-    return Dice(torch.Generator().manual_seed(seed))
+    return RandomSource(torch.Generator().manual_seed(seed))
 
 
 @cache

@@ -13,12 +13,12 @@ class PairRecorder(pl.Callback):
     """Saves each batch's counts and the last weights to `rank<N>.pt`."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder, self.counts = Path(folder), []
+        self.folder, self.delta = Path(folder), []
 
     def on_train_batch_end(
         self, trainer: pl.Trainer, pl_module: Any, outputs: Any, batch: Any, *_: Any
     ) -> None:
-        self.counts.append(batch.counts)
+        self.delta.append(batch.delta)
         weights = torch.cat([value.detach().flatten() for value in pl_module.parameters()])
-        found = {"counts": self.counts, "weights": weights}
+        found = {"delta": self.delta, "weights": weights}
         torch.save(found, self.folder / f"rank{trainer.global_rank}.pt")

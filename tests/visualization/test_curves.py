@@ -13,7 +13,7 @@ from moveit6d.visualization.curves import Curves, curves_svg, limits
 NAN = math.nan
 SOME = Curves(
     frames=range(20), error=[NAN, *[1.0 * k for k in range(18)], math.inf],
-    confidence=[0.9] * 10 + [0.2] * 10, steps=[3.0] * 20, missing=[19], resets=[7],
+    confidence=[0.9] * 10 + [0.2] * 10, iterations=[3.0] * 20, missing=[19], resets=[7],
 )  # fmt: skip
 
 
@@ -22,7 +22,7 @@ def test_the_svg_is_valid_and_names_its_curves() -> None:
     root = ElementTree.fromstring(text)
     assert root.tag.endswith("svg")
     words = {"".join(node.itertext()).strip() for node in root.iter() if node.tag.endswith("text")}
-    assert {"ADD, % of d", "confidence", "steps", "frame"} <= words
+    assert {"ADD, % of d", "confidence", "iterations", "frame"} <= words
     assert curves_svg(SOME, 0.5) == text, "the same run gives the same file"
 
 
@@ -30,7 +30,7 @@ def test_curves_without_numbers_are_left_out() -> None:
     unknown = replace(SOME, error=[NAN] * 20)
     text = curves_svg(unknown, 0.5)
     assert "ADD, % of d" not in text and "confidence" in text
-    nothing = replace(unknown, confidence=[NAN] * 20, steps=[NAN] * 20)
+    nothing = replace(unknown, confidence=[NAN] * 20, iterations=[NAN] * 20)
     assert curves_svg(nothing, 0.5) == ""
     assert "ADD" in curves_svg(replace(SOME, error=[math.inf] * 20), 0.5)
 
@@ -41,8 +41,11 @@ def test_a_place_in_the_picture_is_a_frame() -> None:
     assert found["first"] == -0.5 and found["last"] == 19.5
     width = float(ElementTree.fromstring(text).attrib["viewBox"].split()[2])
     # The axes' own background is the second path of the figure, from edge to edge.
-    paths = [node.attrib["d"] for node in ElementTree.fromstring(text).iter()
-             if node.tag.endswith("path")]  # fmt: skip
+    paths = [
+        node.attrib["d"]
+        for node in ElementTree.fromstring(text).iter()
+        if node.tag.endswith("path")
+    ]
     numbers = [float(word) for word in paths[1].split() if word not in ("M", "L", "z")]
     assert min(numbers[::2]) / width == pytest.approx(found["left"], abs=1e-3)
     assert max(numbers[::2]) / width == pytest.approx(found["right"], abs=1e-3)

@@ -9,14 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from moveit6d.evaluation.reproduce.outcome import (
-    BarChart,
-    Chart,
-    Curve,
-    LineChart,
-    Panel,
-    Sheet,
-)
+from moveit6d.visualization.charts import BarChart, Chart, Curve, LineChart, Panel, Sheet
 from moveit6d.visualization.plots import draw
 
 LINES = LineChart(
@@ -62,7 +55,7 @@ def test_labels_are_in_the_picture(tmp_path: Path) -> None:
 
 
 def test_a_chart_says_what_its_figures_were_taken_on(tmp_path: Path) -> None:
-    drawn = draw(LINES, tmp_path, "stand-in for Laval")[1].read_text(encoding="utf-8")
-    assert "<!-- ours: stand-in for Laval -->" in drawn
+    drawn = draw(LINES, tmp_path, "surrogate for Laval")[1].read_text(encoding="utf-8")
+    assert "<!-- ours: surrogate for Laval -->" in drawn
     plain = draw(LINES, tmp_path)[1].read_text(encoding="utf-8")
-    assert "stand-in" not in plain
+    assert "surrogate" not in plain

@@ -47,23 +47,29 @@ def run(scene: Any) -> Run:
         for frame in range(1, 8)
     }
     rows[0] = PoseRow(0, pose=scene.pose(0))
-    rows[3] = replace(rows[3], confidence=0.2, steps=30, stopped_by="max_steps")
+    rows[3] = replace(rows[3], confidence=0.2, iterations=30, stopped_by="max_iterations")
     rows[5] = PoseRow(5, "5.png", stopped_by="failed")
     rows[6] = replace(rows[6], reset=True)
     return Run(
-        title="brick <1>", verdict="7 frames", mesh=scene.mesh, camera=scene.camera,
-        frames=Film(scene), rows=rows, facts={"weights": "none & nothing"},
+        title="brick <1>",
+        verdict="7 frames",
+        mesh=scene.mesh,
+        camera=scene.camera,
+        frames=Film(scene),
+        rows=rows,
+        facts={"weights": "none & nothing"},
         failures={5: "5.png is <damaged>"},
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
 def scored(run: Run, scene: Any) -> Run:
     errors = {
-        frame: Errors(0.001 * frame, 0.002, 1.0) if run.rows[frame].pose is not None
+        frame: Errors(0.001 * frame, 0.002, 1.0)
+        if run.rows[frame].pose is not None
         else Errors(math.inf, math.inf, 180.0)
         for frame in range(1, 8)
-    }  # fmt: skip
+    }
     errors[2] = Errors(0.05, 0.04, 20.0)
     return replace(run, errors=errors, truth={frame: scene.pose(frame) for frame in range(8)})
 
@@ -81,7 +87,7 @@ def test_without_truth_confidence_says_what_is_bad(run: Run) -> None:
     page = report_page(run, make_renderer())
     assert order(page)[:2] == [5, 3] and order(page)[-1] == 0 and len(order(page)) == 8
     assert worst_pictures(page)[:2] == [5, 3]
-    assert "ADD" not in page and "max_steps" in page and "30 steps" in page
+    assert "ADD" not in page and "max_iterations" in page and "30 steps" in page
     assert sorted(re.findall(r'<tr class="bad" id="f(\d)"', page)) == ["3", "5"]
 
 

@@ -46,7 +46,9 @@ def test_everything_of_a_run_is_in_the_file(scene: Any, tmp_path: Path) -> None:
     with RerunLog(path, scene.mesh, scene.camera, truth) as log:
         for number, pose in enumerate(poses):
             image = scene.image(number) if number != 1 else None
-            row = PoseRow(number, pose=pose, steps=4, confidence=0.25 * number, reset=number == 3)
+            row = PoseRow(
+                number, pose=pose, iterations=4, confidence=0.25 * number, reset=number == 3
+            )
             log.write(Frame(number, "", image), row, "damaged" if number == 1 else None)
         assert not path.exists(), "the file appears when it is whole"
     assert [file.name for file in path.parent.iterdir()] == ["run.rrd"]
@@ -77,7 +79,7 @@ def test_ctrl_c_leaves_a_whole_file(scene: Any, tmp_path: Path) -> None:
     pytest.importorskip("rerun")
     path = tmp_path / "run.rrd"
     with pytest.raises(KeyboardInterrupt), RerunLog(path, scene.mesh, scene.camera) as log:
-        log.write(Frame(0, "", None), PoseRow(0, pose=scene.pose(0), steps=2))
+        log.write(Frame(0, "", None), PoseRow(0, pose=scene.pose(0), iterations=2))
         raise KeyboardInterrupt
     assert read_back(path)["/curves/steps"]["Scalars:scalars"] == {0: [2.0]}
     with pytest.raises(InputError, match="cannot be written"):

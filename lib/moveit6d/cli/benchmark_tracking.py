@@ -29,7 +29,7 @@ from .common import (
 if TYPE_CHECKING:
     from ..datasets.sequences import Sequence
     from ..evaluation.track_scores import Score
-    from ..parallel import Outcome
+    from ..parallel import JobResult
     from ..policies import Policy
     from ..rendering.renderer import Renderer
     from .sequence_job import SequenceJob, Tracked
@@ -74,8 +74,9 @@ examples:
 
 def add_kind(kinds: Any) -> None:
     """Add the kind to `moveit6d benchmark`."""
-    parser = add_verb(kinds, "tracking", "track whole sequences beside rivals", DESCRIPTION,
-                      EXAMPLES)  # fmt: skip
+    parser = add_verb(
+        kinds, "tracking", "track whole sequences beside rivals", DESCRIPTION, EXAMPLES
+    )
     parser.add_argument("--sequences", type=Path, required=True, metavar="DIR", help="data set")
     parser.add_argument("--format", choices=DATASET_FORMATS, help="if it is not recognised")
     parser.add_argument("--rivals", type=Path, metavar="DIR", help="a folder of CSV files a rival")
@@ -98,9 +99,9 @@ def add_kind(kinds: Any) -> None:
     add_tracking_options(parser)
     add_beyond_paper_options(parser)
     parser.add_argument(
-        "--no_learning",
+        "--no_calibration",
         action="store_true",
-        help="learn nothing from the first frame, whose pose is given",
+        help="no calibration from the first frame, whose pose is given",
     )
     parser.set_defaults(run=run)
 
@@ -163,12 +164,12 @@ def rivals(folder: Path | None, sequences: list[Sequence]) -> dict[str, dict[str
 
 def make_job(sequence: Sequence, args: argparse.Namespace) -> SequenceJob:
     """The task for one sequence."""
-    from ..datasets.catalog import stand_in
+    from ..datasets.catalog import surrogate
     from ..evaluation.protocols import PROTOCOLS as known
     from .sequence_job import SequenceJob
 
     facts = {
-        "data": " ".join(filter(None, [str(args.sequences), stand_in(args.sequences)])),
+        "data": " ".join(filter(None, [str(args.sequences), surrogate(args.sequences)])),
         "protocol": args.protocol,
         **{name: str(value) for name, value in weights_facts(args.weights).items()},
         "moveit6d": versions()["moveit6d"],
@@ -208,15 +209,15 @@ class Bench:
                 self._unmark(job)
             else:
                 self._finish(job, rows)
-        for outcome in self._outcomes(waiting):
-            job = waiting[outcome.index]
-            if outcome.result is not None:
-                self._finish(job, outcome.result)
+        for job_result in self._job_results(waiting):
+            job = waiting[job_result.index]
+            if job_result.result is not None:
+                self._finish(job, job_result.result)
                 continue
             if len(self.jobs) == 1:
-                raise InputError(str(outcome.error))
-            self.errors[job.sequence.name] = str(outcome.error)
-            note(f"{job.sequence.name}: {outcome.error}")
+                raise InputError(str(job_result.error))
+            self.errors[job.sequence.name] = str(job_result.error)
+            note(f"{job.sequence.name}: {job_result.error}")
 
     def show(self, trackers: dict[str, dict[str, Score]]) -> None:
         """Print the tables, and write the page that leads to the others."""
@@ -234,7 +235,7 @@ class Bench:
         if self.args.report is not None:
             self._index("\n\n".join(tables), ours)
 
-    def _outcomes(self, jobs: list[SequenceJob]) -> Iterator[Outcome[Tracked]]:
+    def _job_results(self, jobs: list[SequenceJob]) -> Iterator[JobResult[Tracked]]:
         from ..parallel import run_jobs
         from . import sequence_job
 
@@ -303,11 +304,11 @@ class Bench:
         return {
             **weights_facts(self.args.weights),
             "renderer": job.setting.renderer,
-            "max_steps": job.setting.max_steps,
-            "search": job.setting.search,
-            "regions": job.setting.regions,
+            "max_iterations": job.setting.max_iterations,
+            "multi_start": job.setting.multi_start,
+            "contour": job.setting.contour,
             "single_actions": job.setting.single_actions,
-            "learning": job.setting.learning,
+            "calibration": job.setting.calibration,
             "compute": job.setting.compute,
             "protocol": job.protocol.name,
             "first": job.sequence.first,
@@ -330,13 +331,16 @@ class Bench:
         head = ["sequence", "level", "frames", "ADD<10%d", "mean ADD mm", "lost at", "no pose"]
         rows = [
             [
-                (name, f"{quote(name)}.html"), self.levels[name], str(ours[name].frames),
-                percent(ours[name].below_10), f"{1000 * ours[name].mean_add:.1f}",
+                (name, f"{quote(name)}.html"),
+                self.levels[name],
+                str(ours[name].frames),
+                percent(ours[name].below_10),
+                f"{1000 * ours[name].mean_add:.1f}",
                 "never" if ours[name].never_lost else str(ours[name].until_lost),
                 str(ours[name].missing),
             ]
             for name in order
-        ]  # fmt: skip
+        ]
         table = {"heading": "Sequences, the worst first", "head": head, "rows": rows}
         facts = self.jobs[0].facts
         verdict = f"{len(ours)} sequences of {facts['data']}, protocol {facts['protocol']}"

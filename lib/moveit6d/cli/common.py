@@ -19,7 +19,7 @@ from .. import __version__
 from ..errors import InputError
 
 if TYPE_CHECKING:
-    from ..evaluation.run_tracker import Step
+    from ..evaluation.run_tracker import TrackedFrame
     from ..networks.inference import Compute
     from ..policies import Policy
     from ..rendering.renderer import Renderer
@@ -75,15 +75,15 @@ def add_tracking_options(parser: argparse.ArgumentParser) -> None:
         "--weights", type=Path, metavar="FILE", help="weights file instead of the shipped one"
     )
     group.add_argument(
-        "--max_steps",
+        "--max_iterations",
         type=positive,
         metavar="N",
-        help="cycles a frame at most (default: 8, with single actions 30)",
+        help="iterations per frame at most (default: 8, with single actions 30)",
     )
     group.add_argument(
         "--single_actions",
         action="store_true",
-        help="one of the 13 actions a cycle, as in the paper, instead of all six axes at once",
+        help="one of the 13 actions per iteration, as in the paper, instead of all axes at once",
     )
     add_machine_options(group)
 
@@ -91,14 +91,14 @@ def add_tracking_options(parser: argparse.ArgumentParser) -> None:
 def add_beyond_paper_options(parser: argparse.ArgumentParser) -> None:
     """Of whatever refines poses: what goes past the paper's loop and can be left out."""
     parser.add_argument(
-        "--no_search",
+        "--no_multi_start",
         action="store_true",
-        help="do not look around where the network does not believe the pose it came to",
+        help="no other starts while the confidence is low (multi-start refinement)",
     )
     parser.add_argument(
-        "--no_regions",
+        "--no_contour",
         action="store_true",
-        help="leave the network's poses as they are: no fit of the outline to the colours",
+        help="no region-based refinement of the network's poses",
     )
 
 
@@ -157,25 +157,32 @@ class Setting:
     weights: Path | None
     renderer: str
     threads: int
-    max_steps: int | None
-    regions: bool = True
+    max_iterations: int | None
+    contour: bool = True
     single_actions: bool = False
-    learning: bool = True
-    search: bool = True
+    calibration: bool = True
+    multi_start: bool = True
     compute: Compute = "auto"
 
     @staticmethod
     def of(args: argparse.Namespace) -> Setting:
         """By the options of `add_tracking_options`; a weights file is found from anywhere."""
         weights = None if args.weights is None else args.weights.resolve()
-        regions = not getattr(args, "no_regions", False)
+        contour = not getattr(args, "no_contour", False)
         single = getattr(args, "single_actions", False)
-        learning = not getattr(args, "no_learning", False)
-        search = not getattr(args, "no_search", False)
+        calibration = not getattr(args, "no_calibration", False)
+        multi_start = not getattr(args, "no_multi_start", False)
         return Setting(
-            weights, args.renderer, args.threads, args.max_steps, regions, single, learning, search,
+            weights,
+            args.renderer,
+            args.threads,
+            args.max_iterations,
+            contour,
+            single,
+            calibration,
+            multi_start,
             _compute(args),
-        )  # fmt: skip
+        )
 
 
 @lru_cache(maxsize=1)
@@ -199,11 +206,11 @@ def _compute(args: argparse.Namespace) -> Compute:
 def _make_tools(
     weights: Path | None, renderer: str, threads: int, single_actions: bool, compute: Compute
 ) -> tuple[Policy, Renderer]:
-    from ..policies import MoveMode, load_policy
+    from ..policies import ActionMode, load_policy
     from ..rendering.renderer import make_renderer
 
     use_threads(threads)
-    mode = MoveMode.SINGLE if single_actions else None
+    mode = ActionMode.SINGLE if single_actions else None
     return load_policy(weights, mode, compute), make_renderer(renderer)
 
 
@@ -231,7 +238,7 @@ def note(text: str) -> None:
     tqdm.write(f"moveit6d: {text}", file=sys.stderr)
 
 
-def complaining(steps: Iterable[Step], prefix: str = "") -> Iterator[Step]:
+def complaining(steps: Iterable[TrackedFrame], prefix: str = "") -> Iterator[TrackedFrame]:
     """The same steps, with a line on stderr where frames begin to fail or fail differently."""
     last = None
     for step in steps:

@@ -17,7 +17,7 @@ from .common import (
     positive,
     progress_bar,
 )
-from .synthesize import LEVELS
+from .synthesize import DIFFICULTIES
 
 if TYPE_CHECKING:
     from ..evaluation.track_scores import Score
@@ -36,18 +36,21 @@ files written to --output:
 EPILOG = """\
 examples:
   moveit6d demo --output demo
-  moveit6d demo --output demo --level hard --seed 3
+  moveit6d demo --output demo --difficulty hard --seed 3
 """
 
 
 def add_parser(verbs: Any) -> None:
     """Add the verb."""
-    parser = add_verb(verbs, "demo", "make a clip, follow the object in it, print the error",
-                      DESCRIPTION, EPILOG)  # fmt: skip
+    parser = add_verb(
+        verbs, "demo", "make a clip, follow the object in it, print the error", DESCRIPTION, EPILOG
+    )
     parser.add_argument(
         "--output", type=Path, default=Path("demo"), metavar="DIR", help="folder for the results"
     )
-    parser.add_argument("--level", choices=LEVELS, default="medium", help="how hard the clip is")
+    parser.add_argument(
+        "--difficulty", choices=DIFFICULTIES, default="medium", help="how hard the clip is"
+    )
     parser.add_argument(
         "--seed", type=int, default=4, metavar="N", help="another seed, another clip"
     )
@@ -63,7 +66,7 @@ def add_parser(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Make, follow, score."""
     from ..datasets.sequences import read_sequence
-    from ..evaluation.track_scores import Surface, read_track, score
+    from ..evaluation.track_scores import EvaluationPoints, read_track, score
     from ..synthesis.objects.demo_object import demo_object
     from ..synthesis.sequences.sequence import write_sequence
     from . import track
@@ -75,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
             mesh=demo_object(),
             seed=args.seed,
             frames=args.frames,
-            level=args.level,
+            difficulty=args.difficulty,
             on_frame=lambda _: bar.update(),
         )
     given = {
@@ -96,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
     sequence = read_sequence(folder)[0]
     mesh = sequence.load_mesh()
     found = read_track(args.output / "track" / "poses.csv")
-    print(verdict(score(found, sequence.truth, Surface.of(mesh)), mesh.diameter))
+    print(verdict(score(found, sequence.truth, EvaluationPoints.of(mesh)), mesh.diameter))
     if not args.no_overlay:
         print(f"Look at {args.output / 'track' / 'overlay.mp4'}")
     return 0

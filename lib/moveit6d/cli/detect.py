@@ -28,7 +28,7 @@ taken to be in the picture. It takes seconds to minutes; a given start is always
 files written to --output:
   pose.json     the pose found: start of `moveit6d track`
   overlay.png   outline and axes drawn on the image
-  detection.json  confidence, steps, the places looked into, versions
+  detection.json  confidence, iterations, the places looked into, versions
 """
 
 EPILOG = """\
@@ -36,7 +36,7 @@ examples:
   moveit6d detect --mesh drill.glb --mesh_unit m --image frames/000000.jpg \\
       --camera camera.json --output found
   moveit6d detect --mesh drill.glb --mesh_unit m --image first.png --camera camera.json \\
-      --output found --judge steps --rotations 120
+      --output found --criterion iterations --rotations 120
 """
 
 
@@ -49,13 +49,19 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--camera", type=Path, required=True, metavar="FILE", help="intrinsics")
     parser.add_argument("--output", type=Path, required=True, metavar="DIR", help="for results")
     parser.add_argument(
-        "--judge", choices=("confidence", "steps"), default="confidence",
-        help="how the best candidate is told: by the network's confidence, or by fewest steps",
-    )  # fmt: skip
+        "--criterion",
+        choices=("confidence", "iterations"),
+        default="confidence",
+        help="chooses the best candidate: the network's confidence, or the fewest iterations",
+    )
     parser.add_argument(
-        "--sizes", type=float, nargs="+", default=[0.13, 0.2, 0.3], metavar="SHARE",
+        "--sizes",
+        type=float,
+        nargs="+",
+        default=[0.13, 0.2, 0.3],
+        metavar="SHARE",
         help="widths of the object to try, in shares of the image's shorter side",
-    )  # fmt: skip
+    )
     parser.add_argument("--rotations", type=int, default=60, metavar="N", help="of the grid")
     parser.add_argument("--sinks", type=int, default=3, metavar="N", help="places looked into")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the seeded poses")
@@ -69,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
 
     from ..datasets.pose_files import read_camera, write_pose
     from ..datasets.video import ImageList
-    from ..estimation import PoseDetector, SearchConfig
+    from ..estimation import DetectorConfig, PoseDetector
     from ..geometry.mesh import Mesh
     from ..io import replacing, write_json
     from ..visualization.overlay import draw_pose
@@ -78,14 +84,19 @@ def run(args: argparse.Namespace) -> int:
     frame = next(iter(ImageList((args.image,))))
     if frame.image is None:
         raise InputError(f"{args.image}: {frame.error}")
-    search = SearchConfig(
+    config = DetectorConfig(
         tuple(args.sizes), sinks=args.sinks, rotations=args.rotations, seed=args.seed
     )
     policy, renderer = set_up(args)
     detector = PoseDetector(
-        mesh, camera, judge=args.judge, search=search, policy=policy, renderer=renderer,
-        max_steps=args.max_steps,
-    )  # fmt: skip
+        mesh,
+        camera,
+        criterion=args.criterion,
+        config=config,
+        policy=policy,
+        renderer=renderer,
+        max_iterations=args.max_iterations,
+    )
     found = detector.detect(frame.image)
     if found.result is None or found.pose is None:
         raise InputError(f"{args.image}: the object was not found; try other --sizes.")
@@ -95,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
         Image.fromarray(draw_pose(frame.image, mesh, found.pose, camera, renderer)).save(temporary)
     facts = {
         "confidence": found.result.confidence,
-        "steps": found.result.steps,
+        "iterations": found.result.iterations,
         "candidates": len(found.candidates),
         "sinks": [
             {"pixel": s.centre.tolist(), "strength": s.strength, "size": s.size}

@@ -73,8 +73,20 @@ def _renders(name: str) -> bool:
     from ..rendering.renderer import make_renderer
 
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * 0.1
-    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
-             [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]  # fmt: skip
+    faces = [
+        [0, 1, 3],
+        [0, 3, 2],
+        [4, 6, 7],
+        [4, 7, 5],
+        [0, 4, 5],
+        [0, 5, 1],
+        [2, 3, 7],
+        [2, 7, 6],
+        [0, 2, 6],
+        [0, 6, 4],
+        [1, 5, 7],
+        [1, 7, 3],
+    ]
     cube = Mesh.from_arrays("cube", corners, faces)
     pose = Pose(torch.eye(3)[None], torch.tensor([[0.0, 0.0, 0.5]]))
     matrix = torch.tensor([[[250.0, 0.0, 63.5], [0.0, 250.0, 63.5], [0.0, 0.0, 1.0]]])

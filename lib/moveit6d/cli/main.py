@@ -53,9 +53,19 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"moveit6d {__version__}")
     verbs = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
     shown = (
-        track, refine, detect, evaluate, benchmark, reproduce, synthesize, fit, contact_sheet,
-        write_pairs, demo, doctor,
-    )  # fmt: skip
+        track,
+        refine,
+        detect,
+        evaluate,
+        benchmark,
+        reproduce,
+        synthesize,
+        fit,
+        contact_sheet,
+        write_pairs,
+        demo,
+        doctor,
+    )
     for verb in shown:
         verb.add_parser(verbs)
     return parser

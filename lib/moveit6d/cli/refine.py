@@ -96,11 +96,15 @@ def run(args: argparse.Namespace) -> int:
     images = list(by_image(initial))
     jobs = [
         ImageJob(
-            args.dataset.resolve(), args.split, tuple(initial[row] for row in rows),
-            Setting.of(args), args.batch, args.mesh_unit,
+            args.dataset.resolve(),
+            args.split,
+            tuple(initial[row] for row in rows),
+            Setting.of(args),
+            args.batch,
+            args.mesh_unit,
         )
         for _, rows in images
-    ]  # fmt: skip
+    ]
 
     def here(job: ImageJob) -> list[Estimate]:
         return refine_image(dataset, job, policy, renderer)
@@ -111,11 +115,11 @@ def run(args: argparse.Namespace) -> int:
     )
     done: dict[int, Estimate] = {}
     try:
-        for outcome in progress(outcomes, len(images), "refine", "image"):
-            (scene, image), rows = images[outcome.index]
-            refined = outcome.result
+        for job_result in progress(outcomes, len(images), "refine", "image"):
+            (scene, image), rows = images[job_result.index]
+            refined = job_result.result
             if refined is None:
-                note(f"image {image} of scene {scene}: {outcome.error}")
+                note(f"image {image} of scene {scene}: {job_result.error}")
                 refined = [replace(initial[row], score=0.0, seconds=0.0) for row in rows]
             done.update(zip(rows, refined, strict=True))
     finally:
@@ -175,7 +179,7 @@ def refine_image(
     picture = dataset.image(scene, image)
     camera = dataset.camera(scene, image, (picture.shape[1], picture.shape[0]))
     start = time.perf_counter()
-    frame = prepare_frame(picture, camera)  # once, for the loop and for the last word
+    frame = prepare_frame(picture, camera)  # once, for the loop and for the contour refinement
     targets = [Target(frame, camera, dataset.mesh(e.object), e.pose) for e in estimates]
     results: list[TrackingResult] = []
     for first in range(0, len(targets), job.batch):
@@ -208,9 +212,13 @@ def _refine(
 
     try:
         return refine_single(
-            targets, policy=policy, renderer=renderer, max_steps=setting.max_steps,
-            search=setting.search, regions=setting.regions,
-        )  # fmt: skip
+            targets,
+            policy=policy,
+            renderer=renderer,
+            max_iterations=setting.max_iterations,
+            multi_start=setting.multi_start,
+            contour=setting.contour,
+        )
     except InputError as error:
         if len(targets) == 1:
             return [TrackingResult(None, 0, StopReason.FAILED, 0.0, 0.0, str(error))]

@@ -28,9 +28,9 @@ from .reproduce_pages import DESCRIPTION, EPILOG, KINDS
 
 if TYPE_CHECKING:
     from ..datasets.sequences import Sequence
-    from ..evaluation.reproduce.outcome import Outcome
-    from ..evaluation.reproduce.tracks import Track
-    from ..evaluation.run_tracker import Step
+    from ..evaluation.reproduce.reproduction import Reproduction
+    from ..evaluation.reproduce.tracks import ScoredTrack
+    from ..evaluation.run_tracker import TrackedFrame
     from ..policies import Policy
     from ..rendering.renderer import Renderer
 
@@ -48,19 +48,24 @@ def add_parser(verbs: Any) -> None:
             "--data", type=Path, required=name != "runtime", metavar="DIR", help="data set"
         )
         one.add_argument(
-            "--format", choices=DATASET_FORMATS, help="its format, if it is not recognised",
-        )  # fmt: skip
+            "--format",
+            choices=DATASET_FORMATS,
+            help="its format, if it is not recognised",
+        )
         one.add_argument("--output", type=Path, required=True, metavar="DIR", help="for results")
         one.add_argument("--only", nargs="+", metavar="NAME", help="sequences or objects")
         one.add_argument(
-            "--frames", type=positive, metavar="N",
+            "--frames",
+            type=positive,
+            metavar="N",
             help="of a sequence: the first N of a track, else N spread evenly",
-        )  # fmt: skip
+        )
         one.add_argument(
-            "--mode", choices=("single", "all_axes"),
+            "--mode",
+            choices=("single", "all_axes"),
             help="single actions as in the paper, or all axes at once; default: the network's own"
             + (", here single" if name == "convergence" else ""),
-        )  # fmt: skip
+        )
         _add_own(one, name)
         add_tracking_options(one)
         one.set_defaults(run=run, name=name)
@@ -79,7 +84,7 @@ def _add_own(parser: argparse.ArgumentParser, name: str) -> None:
         parser.add_argument("--reading", choices=("formula", "total"), help="only this reading")
     if name == "runtime":
         parser.add_argument(
-            "--repeats", type=positive, default=512, metavar="N", help="cycles that are timed"
+            "--repeats", type=positive, default=512, metavar="N", help="iterations that are timed"
         )
     if name == "attention":
         parser.add_argument(
@@ -96,22 +101,26 @@ def _add_own(parser: argparse.ArgumentParser, name: str) -> None:
             "--rotations", type=positive, default=60, metavar="N", help="of the coarse grid"
         )
         parser.add_argument(
-            "--sizes", type=float, nargs="+", default=[0.13, 0.2, 0.3], metavar="SHARE",
+            "--sizes",
+            type=float,
+            nargs="+",
+            default=[0.13, 0.2, 0.3],
+            metavar="SHARE",
             help="widths of the object to try, in shares of the image's shorter side",
-        )  # fmt: skip
+        )
 
 
 def run(args: argparse.Namespace) -> int:
     """Run one reproduction, print it and write its files."""
-    from ..evaluation.reproduce.outcome import write_outcome
+    from ..evaluation.reproduce.reproduction import write_reproduction
     from ..visualization.plots import draw
 
-    outcome = RUNS[args.name](args)
-    print(outcome.markdown())
+    reproduction = RUNS[args.name](args)
+    print(reproduction.markdown())
     folder = new_folder(args.output)
-    write_outcome(outcome, folder)
-    for chart in outcome.charts:
-        draw(chart, folder, outcome.data)
+    write_reproduction(reproduction, folder)
+    for chart in reproduction.charts:
+        draw(chart, folder, reproduction.data)
     note(f"written to {folder}.")
     return 0
 
@@ -130,11 +139,11 @@ def _opened(args: argparse.Namespace) -> tuple[list[Sequence], str]:
 def _tools(
     args: argparse.Namespace, weights: Path | None, mode: str | None
 ) -> tuple[Policy, Renderer]:
-    from ..policies import MoveMode
+    from ..policies import ActionMode
 
     policy, renderer = set_up(argparse.Namespace(**{**vars(args), "weights": weights}))
     if mode is not None:
-        policy.mode = MoveMode(mode)
+        policy.mode = ActionMode(mode)
     return policy, renderer
 
 
@@ -145,43 +154,48 @@ def _facts(args: argparse.Namespace, policy: Policy, weights: Path | None) -> di
         "mode": policy.mode.value,
         "float32": args.float32,
         "renderer": args.renderer,
-        "max_steps": args.max_steps,
+        "max_iterations": args.max_iterations,
         "only": sorted(args.only or []),
         "versions": versions(),
     }
 
 
-def _watched(video: Sequence, steps: Iterator[Step]) -> Iterator[Step]:
-    watched: Iterator[Step] = progress(steps, len(video.truth), video.name)
+def _watched(video: Sequence, steps: Iterator[TrackedFrame]) -> Iterator[TrackedFrame]:
+    watched: Iterator[TrackedFrame] = progress(steps, len(video.truth), video.name)
     return complaining(watched, f"{video.name}, ")
 
 
 def _tracks(
     args: argparse.Namespace, videos: list[Sequence], weights: Path | None, place: str = "tracks"
-) -> tuple[Iterator[Track], dict[str, Any]]:
+) -> tuple[Iterator[ScoredTrack], dict[str, Any]]:
     """Tracks under the paper's protocol, kept in the output folder, and the settings."""
     from ..estimation import PoseTracker
     from ..evaluation.protocols import PAPER
-    from ..evaluation.reproduce.tracks import Setting, run_tracks
+    from ..evaluation.reproduce.tracks import TrackSettings, run_tracks
 
     policy, renderer = _tools(args, weights, args.mode)
-    limit = args.max_steps or PAPER.max_steps
-    facts = {**_facts(args, policy, weights), "max_steps": limit, "protocol": PAPER.name}
+    limit = args.max_iterations or PAPER.max_iterations
+    facts = {**_facts(args, policy, weights), "max_iterations": limit, "protocol": PAPER.name}
 
     def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker:
         return PoseTracker(
-            mesh, camera, start, policy=policy, renderer=renderer, max_steps=limit,
-            regions=False,  # the paper has no such thing
-        )  # fmt: skip
+            mesh,
+            camera,
+            start,
+            policy=policy,
+            renderer=renderer,
+            max_iterations=limit,
+            contour=False,  # the paper has no such thing
+        )
 
     kept = {k: v for k, v in facts.items() if k not in ("only", "versions")}
     kept["data"] = args.data.resolve().name
     folder = new_folder(args.output) / place
-    setting = Setting(make_tracker, lambda _: PAPER, kept, folder, args.frames)
+    setting = TrackSettings(make_tracker, lambda _: PAPER, kept, folder, args.frames)
     return run_tracks(videos, setting, _watched), facts
 
 
-def _ycb(args: argparse.Namespace) -> Outcome:
+def _ycb(args: argparse.Namespace) -> Reproduction:
     from ..evaluation.reproduce import ycb
 
     videos, data = _opened(args)
@@ -189,11 +203,11 @@ def _ycb(args: argparse.Namespace) -> Outcome:
     scores = ycb.measure(tracks)
     if not scores.plain:
         raise InputError(f"{args.data}: no sequence has a frame to score.")
-    make = ycb.add_outcome if args.name == "ycb_add" else ycb.auc_outcome
+    make = ycb.add_reproduction if args.name == "ycb_add" else ycb.auc_reproduction
     return make(scores, data, facts)
 
 
-def _laval(args: argparse.Namespace) -> Outcome:
+def _laval(args: argparse.Namespace) -> Reproduction:
     from ..evaluation.reproduce import laval
     from ..evaluation.reproduce import published_figures as published
 
@@ -208,17 +222,17 @@ def _laval(args: argparse.Namespace) -> Outcome:
         tracks, mine = _tracks(args, videos, file, place)
         models[model] = laval.measure(tracks)
         facts = {**facts, model: mine} if facts else mine
-    return laval.outcome(models, data, facts)
+    return laval.reproduction(models, data, facts)
 
 
-def _convergence(args: argparse.Namespace) -> Outcome:
+def _convergence(args: argparse.Namespace) -> Reproduction:
     from ..evaluation.reproduce import convergence
 
     videos, data = _opened(args)
     policy, renderer = _tools(args, args.weights, args.mode or "single")
     readings = tuple(convergence.Reading) if args.reading is None else (args.reading,)
     given: dict[str, Any] = {} if args.m is None else {"ms": tuple(args.m)}
-    given |= {} if args.max_steps is None else {"max_steps": args.max_steps}
+    given |= {} if args.max_iterations is None else {"max_iterations": args.max_iterations}
     plan = convergence.Plan(
         readings=tuple(map(convergence.Reading, readings)), frames=args.frames, **given
     )
@@ -228,17 +242,21 @@ def _convergence(args: argparse.Namespace) -> Outcome:
         number = len(convergence.frames_of(video, plan))
         for found in progress(runs, number, video.name):
             trials += found
-    facts = {**_facts(args, policy, args.weights), "step": plan.step, "max_steps": plan.max_steps}
-    return convergence.outcome(trials, data, facts)
+    facts = {
+        **_facts(args, policy, args.weights),
+        "step": plan.step,
+        "max_iterations": plan.max_iterations,
+    }
+    return convergence.reproduction(trials, data, facts)
 
 
-def _runtime(args: argparse.Namespace) -> Outcome:
-    from ..evaluation.iteration_timing import WARM_UP, time_cycle
+def _runtime(args: argparse.Namespace) -> Reproduction:
+    from ..evaluation.iteration_timing import WARM_UP, time_iteration
     from ..evaluation.reproduce import runtime
     from ..synthesis.objects.demo_object import demo_object
 
-    tracks: list[Track] = []
-    data = "stand-in (an object made by the library)"
+    tracks: list[ScoredTrack] = []
+    data = "surrogate (an object made by the library)"
     mesh = demo_object() if args.data is None else None
     if args.data is not None:
         videos, data = _opened(args)
@@ -248,13 +266,20 @@ def _runtime(args: argparse.Namespace) -> Outcome:
     assert mesh is not None
     policy, renderer = _tools(args, args.weights, args.mode)
     count = args.repeats + WARM_UP
-    times = time_cycle(mesh, policy, renderer, progress(range(count), count, "cycle", "cycle"))
-    facts = {**_facts(args, policy, args.weights), "object": mesh.name, "faces": len(mesh.faces),
-             "threads": args.threads, "cycles": args.repeats}  # fmt: skip
-    return runtime.outcome(times, tracks, data, facts)
+    times = time_iteration(
+        mesh, policy, renderer, progress(range(count), count, "iteration", "iteration")
+    )
+    facts = {
+        **_facts(args, policy, args.weights),
+        "object": mesh.name,
+        "faces": len(mesh.faces),
+        "threads": args.threads,
+        "iterations": args.repeats,
+    }
+    return runtime.reproduction(times, tracks, data, facts)
 
 
-def _attention(args: argparse.Namespace) -> Outcome:
+def _attention(args: argparse.Namespace) -> Reproduction:
     from ..evaluation.reproduce import attention
     from ..networks.weights_file import load_network
     from ..policies import load_policy
@@ -267,23 +292,28 @@ def _attention(args: argparse.Namespace) -> Outcome:
         policies[path.stem if steps is None else f"{steps} steps"] = load_policy(path)
     policies["model"] = policy
     cases = attention.patches(videos, args.frames or 1, renderer)
-    return attention.outcome(cases, policies, data, _facts(args, policy, args.weights))
+    return attention.reproduction(cases, policies, data, _facts(args, policy, args.weights))
 
 
-def _detection(args: argparse.Namespace) -> Outcome:
-    from ..estimation import PoseDetector, SearchConfig
+def _detection(args: argparse.Namespace) -> Reproduction:
+    from ..estimation import DetectorConfig, PoseDetector
     from ..evaluation.reproduce import detection
 
     videos, data = _opened(args)
     policy, renderer = _tools(args, args.weights, args.mode)
-    search = SearchConfig(tuple(args.sizes), args.poses, args.sinks, args.rotations)
+    config = DetectorConfig(tuple(args.sizes), args.poses, args.sinks, args.rotations)
     detectors = {
         video.name: PoseDetector(
-            video.load_mesh(), video.camera, judge="steps", search=search, policy=policy,
-            renderer=renderer, max_steps=args.max_steps,
+            video.load_mesh(),
+            video.camera,
+            criterion="iterations",
+            config=config,
+            policy=policy,
+            renderer=renderer,
+            max_iterations=args.max_iterations,
         )
         for video in videos
-    }  # fmt: skip
+    }
     trials, example = [], None
     frames = args.frames or 1
     runs = detection.run(videos, detectors, frames)
@@ -295,12 +325,16 @@ def _detection(args: argparse.Namespace) -> Outcome:
             example = detection.Example(image, found, detection.TURNS, *curve)
     if example is None:
         raise InputError(f"{args.data}: no frame with a true pose could be read.")
-    limit = next(iter(detectors.values())).max_steps
-    facts = {**_facts(args, policy, args.weights), "max_steps": limit, "search": vars(search)}
-    return detection.outcome(trials, example, data, facts)
+    limit = next(iter(detectors.values())).max_iterations
+    facts = {
+        **_facts(args, policy, args.weights),
+        "max_iterations": limit,
+        "detector": vars(config),
+    }
+    return detection.reproduction(trials, example, data, facts)
 
 
-RUNS: Mapping[str, Callable[[argparse.Namespace], Outcome]] = {
+RUNS: Mapping[str, Callable[[argparse.Namespace], Reproduction]] = {
     "ycb_add": _ycb,
     "ycb_auc": _ycb,
     "laval": _laval,

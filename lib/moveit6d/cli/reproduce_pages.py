@@ -14,13 +14,13 @@ printed ones is noted, not corrected.
   moveit6d reproduce ycb_auc       areas under the ADD curve to 0.1 m
   moveit6d reproduce laval         T and R by object and occlusion level, with and without depth
   moveit6d reproduce convergence   starts ever farther from the truth (Eq. 3)
-  moveit6d reproduce runtime       one cycle and a frame
+  moveit6d reproduce runtime       one iteration and a frame
   moveit6d reproduce attention     where the network looks
   moveit6d reproduce detection     finding the object without a start
 
 files written to --output: NAME.md (also printed), NAME.json, a CSV a table, PNG and SVG of
 the charts; for tables from tracks also tracks/, which are used again by the next command with
-the same settings. Data that is not recognised as the published set is called a stand-in.
+the same settings. Data that is not recognised as the published set is called a surrogate.
 """
 
 EPILOG = """\
@@ -32,7 +32,7 @@ examples:
 
 TRACKS = """
 Tracks run under the paper's protocol: the first pose is given, the true pose is given again
-every 15 frames (those frames are not scored), at most 30 cycles a frame.
+every 15 frames (those frames are not scored), at most 30 iterations a frame.
 """
 
 # Name: one line, what its manual page says, an example.
@@ -75,10 +75,10 @@ the steps of those. The paper uses the drill of YCB-Video's scene 50.
         "--data ycbv --only 0050.035_power_drill --output out/conv",
     ),
     "runtime": (
-        "milliseconds of one cycle and of a frame",
+        "milliseconds of one iteration and of a frame",
         """\
-Times cycles on the first sequence's object (a made one without --data) and, with --data,
-tracks the sequences under the paper's protocol for cycles and milliseconds a frame.
+Times iterations on the first sequence's object (a made one without --data) and, with --data,
+tracks the sequences under the paper's protocol for iterations and milliseconds a frame.
 """,
         "--data ycbv --only 0050.035_power_drill --output out/runtime",
     ),

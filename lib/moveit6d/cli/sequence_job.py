@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..datasets.pose_files import PoseRow
     from ..datasets.sequences import Sequence
     from ..evaluation.protocols import Protocol
-    from ..evaluation.run_tracker import Step
+    from ..evaluation.run_tracker import TrackedFrame
     from ..policies import Policy
     from ..rendering.renderer import Renderer
 
@@ -70,13 +70,18 @@ def track_job(
 
     def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker:
         return PoseTracker(
-            mesh, camera, start, policy=policy, renderer=renderer,
-            max_steps=job.setting.max_steps, search=job.setting.search,
-            regions=job.setting.regions,
-        )  # fmt: skip
+            mesh,
+            camera,
+            start,
+            policy=policy,
+            renderer=renderer,
+            max_iterations=job.setting.max_iterations,
+            multi_start=job.setting.multi_start,
+            contour=job.setting.contour,
+        )
 
     gathered = Gathered()
-    steps = run_sequence(job.sequence, make_tracker, job.protocol, job.setting.learning)
+    steps = run_sequence(job.sequence, make_tracker, job.protocol, job.setting.calibration)
     watched = _with_bar(job.sequence, steps) if bar else steps
     gathered.rows = gather(job.sequence, _drawn(job, watched, renderer, gathered), path)
     return Tracked(gathered.rows, page_of(job, gathered, renderer) if job.page else None)
@@ -91,14 +96,14 @@ def page_of(job: SequenceJob, gathered: Gathered, renderer: Renderer) -> str:
     return sequence_page(job.sequence, gathered, truth, score, job.facts, renderer)
 
 
-def _with_bar(sequence: Sequence, steps: Iterator[Step]) -> Iterator[Step]:
+def _with_bar(sequence: Sequence, steps: Iterator[TrackedFrame]) -> Iterator[TrackedFrame]:
     length = sequence.open().length
     return progress(steps, None if length is None else length - 1, sequence.name)
 
 
 def _drawn(
-    job: SequenceJob, steps: Iterator[Step], renderer: Renderer, gathered: Gathered
-) -> Iterator[Step]:
+    job: SequenceJob, steps: Iterator[TrackedFrame], renderer: Renderer, gathered: Gathered
+) -> Iterator[TrackedFrame]:
     """The same steps; failures are said on stderr, and all goes into a video and a log if asked."""
     from ..visualization.video import VideoWriter
     from .drawing import draw_step

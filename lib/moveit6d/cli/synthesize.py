@@ -29,49 +29,55 @@ and 10 degrees a frame, blurred), hard (fast, covered, changing light, cluttered
 formats (docs/formats.md):
   folders  one sequence folder; with --count 2 or more: <level>_<nn>. Files: frames/000000.jpg
            ..., camera.json, mesh.glb, start.json, poses.csv (the truth), info.json
-  laval    a stand-in for the Laval data set: for every object OBJECT_occlusion_0 and, for each
+  laval    a surrogate for the Laval data set: for every object OBJECT_occlusion_0 and, for each
            other --occlusion, one sequence with a board in front from below (h) and one from a
            side (v), which hides that share of the object in every frame
-  ycbv     a stand-in for YCB-Video as published: --count scenes, in each of which all objects
+  ycbv     a surrogate for YCB-Video as published: --count scenes, in each of which all objects
            lie about one of them before a moving camera
-A stand-in says so in stand_in.json; visible_fraction.csv has what is seen of each object.
+A surrogate says so in surrogate.json; visible_fraction.csv has what is seen of each object.
 """
 
 EPILOG = """\
 examples:
-  moveit6d synthesize --output clip --level medium --seed 3
-  moveit6d synthesize --output set --mesh drill.glb --mesh_unit m --level hard --count 4
+  moveit6d synthesize --output clip --difficulty medium --seed 3
+  moveit6d synthesize --output set --mesh drill.glb --mesh_unit m --difficulty hard --count 4
   moveit6d synthesize sequence --format laval --output laval --mesh boot.glb mug.glb
-  moveit6d synthesize sequence --format ycbv --output ycbv --count 3 --frames 60 --level easy
+  moveit6d synthesize sequence --format ycbv --output ycbv --count 3 --frames 60 --difficulty easy
 """
 
-LEVELS = ("easy", "occ", "medium", "fast", "hard")
+DIFFICULTIES = ("easy", "occ", "medium", "fast", "hard")
 FORMATS = ("folders", "laval", "ycbv")
 PHOTOS = 200  # pictures of a folder that are used at most
-MADE_OBJECTS = 4  # of a stand-in without --mesh
+PROCEDURAL_OBJECTS = 4  # of a surrogate without --mesh
 
 
 def add_parser(verbs: Any) -> None:
     """Add the verb."""
     parser = add_verb(verbs, "synthesize", "make sequences with true poses", DESCRIPTION, EPILOG)
-    parser.add_argument("what", nargs="?", choices=("sequence",), default="sequence",
-                        help=argparse.SUPPRESS)  # fmt: skip
+    parser.add_argument(
+        "what", nargs="?", choices=("sequence",), default="sequence", help=argparse.SUPPRESS
+    )
     parser.add_argument("--output", type=Path, required=True, metavar="DIR", help="new folder")
     parser.add_argument("--format", choices=FORMATS, default="folders", help="how it is stored")
     parser.add_argument(
         "--mesh", type=Path, nargs="+", metavar="FILE", help="objects instead of made ones"
     )
     parser.add_argument("--mesh_unit", choices=("m", "mm"), default="m", help="the meshes' unit")
-    parser.add_argument("--level", choices=LEVELS, default="medium", help="how hard it is")
+    parser.add_argument(
+        "--difficulty", choices=DIFFICULTIES, default="medium", help="how hard it is"
+    )
     parser.add_argument("--frames", type=positive, default=120, metavar="N", help="length")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same clip")
     parser.add_argument(
         "--count", type=positive, default=1, metavar="N", help="sequences, or scenes for ycbv"
     )
     parser.add_argument(
-        "--occlusion", type=int, nargs="+", metavar="PERCENT",
+        "--occlusion",
+        type=int,
+        nargs="+",
+        metavar="PERCENT",
         help="shares of the object that are hidden, for laval (default: 0 15 30 45)",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--photos", type=Path, metavar="DIR", help="pictures for backgrounds instead of made ones"
     )
@@ -83,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.video import open_frames
 
     if args.occlusion is not None and args.format != "laval":
-        raise InputError("--occlusion is for --format laval; other formats go by --level.")
+        raise InputError("--occlusion is for --format laval; other formats go by --difficulty.")
     if args.count > 1 and args.format == "laval":
         raise InputError("--count is not for --format laval; give more meshes or levels.")
     photos = None
@@ -91,12 +97,12 @@ def run(args: argparse.Namespace) -> int:
         found = itertools.islice(open_frames(args.photos), PHOTOS)
         photos = [frame.image for frame in found if frame.image is not None]
     if args.format != "folders":
-        make_stand_in(args, photos)
+        make_surrogate(args, photos)
         print(args.output)
         return 0
     for number in range(args.count):
         alone = args.count == 1
-        folder = args.output if alone else args.output / f"{args.level}_{number:02d}"
+        folder = args.output if alone else args.output / f"{args.difficulty}_{number:02d}"
         make_folder(args, folder, number, photos)
         print(folder)
     return 0
@@ -116,17 +122,17 @@ def make_folder(
             mesh=mesh,
             seed=seed,
             frames=args.frames,
-            level=args.level,
+            difficulty=args.difficulty,
             photos=photos,
             on_frame=lambda _: bar.update(),
         )
 
 
-def make_stand_in(args: argparse.Namespace, photos: list[Image] | None) -> None:
+def make_surrogate(args: argparse.Namespace, photos: list[Image] | None) -> None:
     """Make a whole data set in the format of a published one."""
     from ..synthesis.sequences import surrogate_datasets
 
-    count = len(args.mesh) if args.mesh else MADE_OBJECTS
+    count = len(args.mesh) if args.mesh else PROCEDURAL_OBJECTS
     objects: dict[str, Mesh] = {}
     for number in range(count):
         mesh = _mesh(args, number if args.mesh else args.seed + number)
@@ -136,16 +142,16 @@ def make_stand_in(args: argparse.Namespace, photos: list[Image] | None) -> None:
     laval = args.format == "laval"
     sequences = count * len(surrogate_datasets.laval_kinds(levels)) if laval else args.count
     with progress_bar(args.frames * sequences, args.format) as bar:
-        making = surrogate_datasets.Making(
-            args.frames, args.level, args.seed, photos, on_frame=lambda *_: bar.update()
+        options = surrogate_datasets.GenerationOptions(
+            args.frames, args.difficulty, args.seed, photos, on_frame=lambda *_: bar.update()
         )
         if laval:
-            surrogate_datasets.write_laval_stand_in(args.output, objects, making, levels)
+            surrogate_datasets.write_laval_surrogate(args.output, objects, options, levels)
         else:
             # Another object in the middle of every scene.
             turns = [[*objects][k % count :] + [*objects][: k % count] for k in range(args.count)]
             scenes = [{name: objects[name] for name in names} for names in turns]
-            surrogate_datasets.write_ycbv_stand_in(args.output, scenes, making)
+            surrogate_datasets.write_ycbv_surrogate(args.output, scenes, options)
 
 
 def _mesh(args: argparse.Namespace, number: int) -> Mesh:

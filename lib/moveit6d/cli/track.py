@@ -27,7 +27,7 @@ from .common import (
 from .reporting import check_report, reporting, rerun_log
 
 if TYPE_CHECKING:
-    from ..evaluation.run_tracker import Record
+    from ..evaluation.run_tracker import TrackSummary
 
 DESCRIPTION = """\
 Finds the pose in every frame, each starting from the one before; the first frame starts from
@@ -86,7 +86,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--exact_start",
         action="store_true",
-        help="the start pose is exact: learn the object's looks from the first frame",
+        help="the start pose is exact: calibrate from the first frame",
     )
     parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.pose_files import PoseWriter, read_camera, read_pose
     from ..datasets.video import LiveCamera, Prefetched, open_frames
     from ..estimation import PoseTracker
-    from ..evaluation.run_tracker import Record, follow, learning
+    from ..evaluation.run_tracker import TrackSummary, calibrating, run_tracker
     from ..geometry.mesh import Mesh
     from .drawing import draw_step
 
@@ -111,11 +111,17 @@ def run(args: argparse.Namespace) -> int:
     check_report(args.report, frames)
     policy, renderer = set_up(args)
     tracker = PoseTracker(
-        mesh, camera, start, policy=policy, renderer=renderer,
-        max_steps=args.max_steps, search=not args.no_search, regions=not args.no_regions,
-    )  # fmt: skip
+        mesh,
+        camera,
+        start,
+        policy=policy,
+        renderer=renderer,
+        max_iterations=args.max_iterations,
+        multi_start=not args.no_multi_start,
+        contour=not args.no_contour,
+    )
     output = new_folder(args.output)
-    record = Record()
+    record = TrackSummary()
     with (
         _summary(output / "summary.json", record, args),
         reporting(args.report, _about(args), mesh, camera, frames, renderer) as page,
@@ -126,8 +132,8 @@ def run(args: argparse.Namespace) -> int:
         # A camera read ahead would show the past.
         ahead = frames if isinstance(frames, LiveCamera) else Prefetched(frames)
         watched = progress(ahead, frames.length, "track")
-        known = learning(tracker, watched) if args.exact_start else watched
-        for step in complaining(follow(tracker, known)):
+        known = calibrating(tracker, watched) if args.exact_start else watched
+        for step in complaining(run_tracker(tracker, known)):
             table.write(step.row)
             record.add(step)
             page.add(step)
@@ -141,14 +147,16 @@ def run(args: argparse.Namespace) -> int:
 def _about(args: argparse.Namespace) -> dict[str, str]:
     """What a report says of the command."""
     return {
-        "object": str(args.mesh), "video": str(args.video), "start": str(args.start),
+        "object": str(args.mesh),
+        "video": str(args.video),
+        "start": str(args.start),
         **{name: str(value) for name, value in weights_facts(args.weights).items()},
         "moveit6d": versions()["moveit6d"],
-    }  # fmt: skip
+    }
 
 
 @contextmanager
-def _summary(path: Path, record: Record, args: argparse.Namespace) -> Iterator[None]:
+def _summary(path: Path, record: TrackSummary, args: argparse.Namespace) -> Iterator[None]:
     """Write the summary when the block ends, however it ends, if there was a frame."""
     from ..io import write_json
 
@@ -176,7 +184,7 @@ def _movie(path: Path, fps: float | None, left_out: bool) -> AbstractContextMana
     return nullcontext() if left_out else VideoWriter(path, fps or 25.0)
 
 
-def _verdict(record: Record, output: Path) -> int:
+def _verdict(record: TrackSummary, output: Path) -> int:
     if record.failed == record.frames:
         first = record.failures[0]["error"] if record.failures else "there was no frame."
         raise InputError(f"no frame could be tracked; the first says: {first}")

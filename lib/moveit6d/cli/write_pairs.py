@@ -71,10 +71,10 @@ def run(args: argparse.Namespace) -> int:
     tasks = [(source, plan, args.output, number) for number in missing]
     failed = 0
     with progress_bar(len(tasks), "shards", "shard") as bar:
-        for outcome in run_jobs(write_shard, tasks, jobs=args.jobs):
-            if outcome.error is not None:
+        for job_result in run_jobs(write_shard, tasks, jobs=args.jobs):
+            if job_result.error is not None:
                 failed += 1
-                note(f"shard {missing[outcome.index]}: {outcome.error}")
+                note(f"shard {missing[job_result.index]}: {job_result.error}")
             bar.update()
     print(f"{args.output}: {len(missing) - failed} shards written, {len(mine) - len(missing)} kept")
     if failed:

@@ -15,7 +15,7 @@ from . import bop_sequences, laval, rbot, sequences, ycbv
 from .sequences import Sequence
 
 # What a folder made by this library says of itself: never the real data set's name alone.
-STAND_IN = "stand_in.json"
+SURROGATE = "surrogate.json"
 # In the order in which they are tried: kind, what proves it, its reader, and what was looked for.
 FORMATS: dict[str, tuple[Callable[[Path], bool], Callable[[Path], list[Sequence]], str]] = {
     "laval": (
@@ -65,13 +65,13 @@ def recognise(path: Path) -> str:
     raise InputError(f"{path} holds no data set that is known; looked for {wanted}.")
 
 
-def stand_in(path: str | Path) -> str:
+def surrogate(path: str | Path) -> str:
     """What a made data set says of itself, "" for one without such a word.
 
     Figures on it must be labelled with these words.
     """
-    place = Path(path) / STAND_IN
-    return str(read_json(place).get("what", "stand-in")) if place.is_file() else ""
+    place = Path(path) / SURROGATE
+    return str(read_json(place).get("what", "surrogate")) if place.is_file() else ""
 
 
 def _kinds() -> str:

@@ -42,7 +42,7 @@ class PoseRow:
     frame: int
     image: str = ""
     pose: Pose | None = None
-    steps: int | None = None
+    iterations: int | None = None
     stopped_by: str = ""
     confidence: float | None = None
     milliseconds: float | None = None
@@ -210,12 +210,12 @@ def _read_row(row: Mapping[str, str | None], where: str) -> PoseRow:
     frame = _optional(row["frame"], f"{where}: frame")
     if frame is None or not frame.is_integer() or abs(frame) > 2**53:
         raise InputError(f"{where}: frame must be a whole number, found {row['frame']!r}.")
-    steps = _optional(row.get("steps"), f"{where}: steps")
+    iterations = _optional(row.get("steps"), f"{where}: steps")
     return PoseRow(
         frame=int(frame),
         image=row.get("image") or "",
         pose=pose,
-        steps=None if steps is None else whole(steps, f"{where}: steps"),
+        iterations=None if iterations is None else whole(iterations, f"{where}: steps"),
         stopped_by=row.get("stopped_by") or "",
         confidence=_finite(row.get("confidence"), f"{where}: confidence"),
         milliseconds=_finite(row.get("milliseconds"), f"{where}: milliseconds"),
@@ -231,7 +231,7 @@ def _cell(row: PoseRow, column: str) -> str:
         index = POSE_COLUMNS.index(column)
         flat = row.pose.rotation.reshape(9) if index < 9 else row.pose.translation
         return f"{float(flat[index % 9]):.10g}"
-    value = getattr(row, column)
+    value = row.iterations if column == "steps" else getattr(row, column)
     if value is None:
         return ""
     if isinstance(value, bool):

@@ -5,12 +5,21 @@
 Never knows a network, only policies.
 """
 
-from .detector import Detection, Judge, PoseDetector, SearchConfig
+from .detector import Detection, DetectorConfig, PoseDetector, SelectionCriterion
 from .estimator import PoseEstimator, refine_single
-from .loop import StopReason, Target, TrackingResult, refine_batch
+from .refine import StopReason, Target, TrackingResult, refine_batch
 from .tracker import PoseTracker
 
 __all__ = [
-    "Detection", "Judge", "PoseDetector", "PoseEstimator", "PoseTracker", "SearchConfig",
-    "StopReason", "Target", "TrackingResult", "refine_batch", "refine_single",
-]  # fmt: skip
+    "Detection",
+    "SelectionCriterion",
+    "PoseDetector",
+    "PoseEstimator",
+    "PoseTracker",
+    "DetectorConfig",
+    "StopReason",
+    "Target",
+    "TrackingResult",
+    "refine_batch",
+    "refine_single",
+]

@@ -1,6 +1,6 @@
 """The pose of an object in one frame without any start: seeds, sinks, a coarse rotation grid.
 
-Never needs another network or a true pose. Paper, "Initialization & Detection"; METHOD 7.
+Never needs another network or a true pose. Paper, "Initialization & Detection"; docs/method.md.
 """
 
 from __future__ import annotations
@@ -13,31 +13,31 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ..actions import difference
+from ..actions import pose_delta
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
 from ..geometry.rotation_grid import rotation_grid
-from ..policies import MoveMode, Policy, load_policy
+from ..policies import ActionMode, Policy, load_policy
 from ..rendering.renderer import Renderer, make_renderer
 from .frame import Frame, prepare_frame
-from .loop import MAX_STEPS, StopReason, Target, TrackingResult, out_of_sight, refine_batch
+from .refine import MAX_ITERATIONS, StopReason, Target, TrackingResult, out_of_sight, refine_batch
 from .seeding import SeedField, Sink, find_sinks, seed_field, seed_poses
 
 BATCH = 32  # loops that run side by side
 
 
-class Judge(StrEnum):
+class SelectionCriterion(StrEnum):
     """How the best of the candidates is told."""
 
-    STEPS = "steps"  # the paper: the fewest steps to stop; among equals the shortest way
-    CONFIDENCE = "confidence"  # the policy's own belief in the pose that it ended at
+    ITERATIONS = "iterations"  # the paper: the fewest iterations; among equals the shortest path
+    CONFIDENCE = "confidence"  # the policy's confidence in the last pose
 
 
 @dataclass(frozen=True)
-class SearchConfig:
+class DetectorConfig:
     """How thoroughly a `PoseDetector` looks.
 
     Args:
@@ -59,23 +59,23 @@ class SearchConfig:
 
     def __post_init__(self) -> None:
         if not self.sizes or min(self.sizes) <= 0:
-            raise InputError(f"SearchConfig: sizes must be positive shares, found {self.sizes}.")
+            raise InputError(f"DetectorConfig: sizes must be positive shares, found {self.sizes}.")
         if min(self.poses, self.sinks, self.rotations) < 1:
-            raise InputError("SearchConfig: poses, sinks and rotations must be 1 or more.")
+            raise InputError("DetectorConfig: poses, sinks and rotations must be 1 or more.")
 
 
 @dataclass(frozen=True)
 class Candidate:
     """A pose of the rotation grid and where the loop took it.
 
-    `start` is in the mesh file's frame; `way` the sum of the six absolute counts from start to end,
-    which is how many single actions the move amounts to (infinite without a pose).
+    `start` is in the mesh file's frame; `path_length` the sum of the absolute pose delta from start
+    to end, which is how many single actions it amounts to (infinite without a pose).
     """
 
     sink: Sink
     start: Pose
     result: TrackingResult
-    way: float
+    path_length: float
 
     @property
     def converged(self) -> bool:
@@ -109,12 +109,12 @@ class PoseDetector:
     Args:
         mesh: the object.
         camera: the camera, lens distortion included if it has any.
-        judge: how the best candidate is told, see `Judge`.
-        search: how thoroughly to look.
+        criterion: how the best candidate is chosen, see `SelectionCriterion`.
+        config: how thoroughly to search.
         policy: who decides; the shipped network if None.
         renderer: the back end; embree if None.
-        max_steps: limit of cycles of each candidate; if None `MAX_STEPS` of the policy's mode, but
-            the paper's 30 for judge `steps`, which must see the loops end by themselves.
+        max_iterations: limit for each candidate; if None `MAX_ITERATIONS` of the policy's mode, but
+            the paper's 30 for criterion `iterations`, which must see the loops end by themselves.
     """
 
     def __init__(
@@ -122,18 +122,21 @@ class PoseDetector:
         mesh: Mesh,
         camera: Camera,
         *,
-        judge: Judge | str = Judge.CONFIDENCE,
-        search: SearchConfig | None = None,
+        criterion: SelectionCriterion | str = SelectionCriterion.CONFIDENCE,
+        config: DetectorConfig | None = None,
         policy: Policy | None = None,
         renderer: Renderer | None = None,
-        max_steps: int | None = None,
+        max_iterations: int | None = None,
     ) -> None:
-        if judge not in list(Judge):
-            raise InputError(f"There is no judge {judge!r}; choose one of {', '.join(Judge)}.")
-        self.mesh, self.camera, self.max_steps = mesh, camera, max_steps
-        self.judge, self.search = Judge(judge), search or SearchConfig()
-        if max_steps is None and self.judge is Judge.STEPS:
-            self.max_steps = MAX_STEPS[MoveMode.SINGLE]
+        if criterion not in list(SelectionCriterion):
+            raise InputError(
+                f"There is no selection criterion {criterion!r}; choose one of "
+                f"{', '.join(SelectionCriterion)}."
+            )
+        self.mesh, self.camera, self.max_iterations = mesh, camera, max_iterations
+        self.criterion, self.config = SelectionCriterion(criterion), config or DetectorConfig()
+        if max_iterations is None and self.criterion is SelectionCriterion.ITERATIONS:
+            self.max_iterations = MAX_ITERATIONS[ActionMode.SINGLE]
         self.policy: Policy = load_policy() if policy is None else policy
         self.renderer = make_renderer() if renderer is None else renderer
 
@@ -144,27 +147,27 @@ class PoseDetector:
         """
         frame = prepare_frame(image, self.camera)
         fields = self.seed(frame)
-        found = [sink for field in fields for sink in find_sinks(field, 2 * self.search.sinks)]
-        places = strongest(found, self.search.sinks)
+        found = [sink for field in fields for sink in find_sinks(field, 2 * self.config.sinks)]
+        places = strongest(found, self.config.sinks)
         candidates = self.try_rotations(frame, [sink for place in places for sink in place])
-        best = best_of(candidates, self.judge)
+        best = best_of(candidates, self.criterion)
         return Detection(None if best is None else best.result, fields, places, candidates)
 
     def seed(self, image: Any) -> tuple[SeedField, ...]:
         """The fields of one iteration from seeds all over the image, one a size."""
         frame = prepare_frame(image, self.camera)
-        generator = torch.Generator().manual_seed(self.search.seed)
-        turns = random_rotations(self.search.poses, generator)
+        generator = torch.Generator().manual_seed(self.config.seed)
+        turns = random_rotations(self.config.poses, generator)
         side = min(self.camera.width, self.camera.height)
         return tuple(
             seed_field(frame, self.mesh, turns, share * side, self.policy, self.renderer)
-            for share in self.search.sizes
+            for share in self.config.sizes
         )
 
     def try_rotations(self, image: Any, sinks: Sequence[Sink]) -> tuple[Candidate, ...]:
         """Loops from a coarse grid over all rotations at every sink, in batches."""
         frame = prepare_frame(image, self.camera)
-        grid = rotation_grid(self.search.rotations)
+        grid = rotation_grid(self.config.rotations)
         starts = [
             (sink, pose)
             for sink in sinks
@@ -178,10 +181,10 @@ class PoseDetector:
                 [Target(frame, self.camera, self.mesh, self.mesh.outer(pose)) for _, pose in part],
                 policy=self.policy,
                 renderer=self.renderer,
-                max_steps=self.max_steps,
+                max_iterations=self.max_iterations,
             )
             found += [
-                Candidate(sink, self.mesh.outer(pose), result, self._way(pose, result))
+                Candidate(sink, self.mesh.outer(pose), result, self._path_length(pose, result))
                 for (sink, pose), result in zip(part, results, strict=True)
             ]
         return tuple(found)
@@ -191,12 +194,12 @@ class PoseDetector:
         poses = seed_poses(pixels, grid, self.mesh.sphere_diameter, sink.size, frame.camera)
         return [poses[k] for k in range(len(grid))]
 
-    def _way(self, start: Pose, result: TrackingResult) -> float:
+    def _path_length(self, start: Pose, result: TrackingResult) -> float:
         if result.pose is None:
             return float("inf")
         diameter = torch.tensor(self.mesh.sphere_diameter, dtype=torch.float64)
-        counts = difference(start, self.mesh.inner(result.pose), diameter)
-        return float(counts.abs().sum())
+        delta = pose_delta(start, self.mesh.inner(result.pose), diameter)
+        return float(delta.abs().sum())
 
 
 def strongest(sinks: Sequence[Sink], count: int) -> tuple[tuple[Sink, ...], ...]:
@@ -215,11 +218,11 @@ def strongest(sinks: Sequence[Sink], count: int) -> tuple[tuple[Sink, ...], ...]
     return tuple(tuple(place) for place in places[:count])
 
 
-def best_of(candidates: Sequence[Candidate], judge: Judge) -> Candidate | None:
-    """The best candidate that has a pose, by the judge; None if there is none."""
+def best_of(candidates: Sequence[Candidate], criterion: SelectionCriterion) -> Candidate | None:
+    """The best candidate that has a pose, by the criterion; None if there is none."""
     alive = [one for one in candidates if one.result.pose is not None]
     if not alive:
         return None
-    if judge is Judge.CONFIDENCE:
+    if criterion is SelectionCriterion.CONFIDENCE:
         return max(alive, key=lambda one: one.result.confidence)
-    return min(alive, key=lambda one: (not one.converged, one.result.steps, one.way))
+    return min(alive, key=lambda one: (not one.converged, one.result.iterations, one.path_length))

@@ -1,8 +1,9 @@
 """Seeds over an image: where one iteration at each of them wants to go, and where that leads.
 
-Never refines a pose and never knows a true one. Paper, "Initialization & Detection"; METHOD 7. The
-vectors point *toward* the object, so the field converges there: with the usual sign its divergence
-is most negative at the object, and what the paper calls the maximum of W is the maximum of −∇·V.
+Never refines a pose and never knows a true one. Paper, "Initialization & Detection";
+docs/method.md. The vectors point *toward* the object, so the field converges there: with the usual
+sign its divergence is most negative at the object, and what the paper calls the maximum of W is the
+maximum of −∇·V.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from ..geometry.camera import Camera
 from ..geometry.crop import View, crop_patch, look_at, patch_to_image
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..networks.decision import Decision
+from ..networks.policy_output import PolicyOutput
 from ..observation import Observation, observe
-from ..policies import MoveMode, Policy, Situation
+from ..policies import ActionMode, LoopState, Policy
 from ..rendering.renderer import GBuffer, Renderer
 from .frame import Frame
 
@@ -115,10 +116,10 @@ def _moves(
     for rows in torch.split(torch.arange(len(pixels)), BATCH):
         part = View(view.rotation[rows], view.intrinsics[rows], view.distance[rows])
         observation = _observe(frame, gbuffer, part, diameter[rows])
-        situation = Situation(pose[rows], diameter[rows], torch.zeros_like(rows))
-        decision = policy.decide(observation, situation)
-        moves.append(_in_image(planar_move(decision, policy.mode), part, frame.camera))
-        confidences.append(decision.confidence.to(torch.float64))
+        state = LoopState(pose[rows], diameter[rows], torch.zeros_like(rows))
+        prediction = policy.predict(observation, state)
+        moves.append(_in_image(planar_move(prediction, policy.mode), part, frame.camera))
+        confidences.append(prediction.confidence.to(torch.float64))
     return torch.cat(moves), torch.cat(confidences)
 
 
@@ -138,11 +139,11 @@ def seed_poses(
     return Pose(view.rotation.mT @ rotation, place)
 
 
-def planar_move(decision: Decision, mode: MoveMode) -> Tensor:
-    """What a decision says of t_x and t_y: (B, 2), only the direction has a meaning."""
-    if mode is MoveMode.ALL_AXES and decision.counts is not None:
-        return decision.counts[:, :2].to(torch.float64)
-    odds = torch.softmax(decision.logits.to(torch.float64), -1)
+def planar_move(prediction: PolicyOutput, mode: ActionMode) -> Tensor:
+    """What a prediction says of t_x and t_y: (B, 2), only the direction has a meaning."""
+    if mode is ActionMode.ALL_AXES and prediction.delta is not None:
+        return prediction.delta[:, :2].to(torch.float64)
+    odds = torch.softmax(prediction.logits.to(torch.float64), -1)
     return torch.stack([odds[:, 0] - odds[:, 1], odds[:, 2] - odds[:, 3]], -1)
 
 

@@ -12,24 +12,23 @@ from typing import Any
 
 import torch
 
+from ..contour import histograms_at
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..policies import Policy, load_policy
-from ..regions import colours_at
 from ..rendering.renderer import Renderer, make_renderer
 from .calibration import depth_bias
+from .contour_stage import refine_result
 from .frame import Frame, prepare_frame
-from .hypotheses import DOUBTFUL, Around, Track
-from .last_word import last_word
-from .loop import StopReason, Target, TrackingResult, check_start, out_of_sight, refine_batch
-from .search import places, searches, surest
+from .multi_start import most_confident, perturbed_targets, supports_multi_start
+from .refine import StopReason, Target, TrackingResult, check_start, out_of_sight, refine_batch
+from .track_state import LOW_CONFIDENCE, PerturbationConfig, TrackState
 
-# Places looked at around each of the three where an object is likely to be (`Track.likely`) while
-# it is not believed to have been found. Farther ones find it no more often, and more often
-# something else.
-LOST = Around(3, shift=(25.0, 25.0, 8.0), turn=(10.0, 30.0))
+# Starts around each of the three recovery poses (`TrackState.recovery_poses`) while the confidence
+# is low. Wider perturbations find the object no more often, and more often something else.
+RECOVERY = PerturbationConfig(3, shift=(25.0, 25.0, 8.0), turn=(10.0, 30.0))
 
 
 class PoseTracker:
@@ -41,9 +40,9 @@ class PoseTracker:
         start: pose of each object in (or just before) the first frame, mesh file's frame.
         policy: who decides; the shipped network if None.
         renderer: the back end; embree if None.
-        max_steps: limit of cycles a frame; `MAX_STEPS` of the policy's mode if None.
-        search: look around for an object whose pose is in doubt.
-        regions: after the policy's moves, fit the outline to where the object's colours end.
+        max_iterations: limit per frame; `MAX_ITERATIONS` of the policy's mode if None.
+        multi_start: start from recovery poses too while the confidence is low.
+        contour: region-based refinement of the pose after the policy's iterations.
     """
 
     def __init__(
@@ -54,14 +53,14 @@ class PoseTracker:
         *,
         policy: Policy | None = None,
         renderer: Renderer | None = None,
-        max_steps: int | None = None,
-        search: bool = True,
-        regions: bool = True,
+        max_iterations: int | None = None,
+        multi_start: bool = True,
+        contour: bool = True,
     ) -> None:
         self.meshes = [meshes] if isinstance(meshes, Mesh) else list(meshes)
-        self.camera, self.max_steps = camera, max_steps
-        self.search, self.regions = search, regions
-        self.tracks: list[Track] = []
+        self.camera, self.max_iterations = camera, max_iterations
+        self.multi_start, self.contour = multi_start, contour
+        self.tracks: list[TrackState] = []
         self.reset(start)
         self.policy: Policy = load_policy() if policy is None else policy
         self.renderer = make_renderer() if renderer is None else renderer
@@ -82,21 +81,21 @@ class PoseTracker:
         for mesh, pose in zip(self.meshes, given, strict=True):
             check_start(pose, mesh, self.camera)
         self.tracks = [
-            Track.begin(mesh, pose.to(torch.float64))
+            TrackState.begin(mesh, pose.to(torch.float64))
             for mesh, pose in zip(self.meshes, given, strict=True)
         ]
 
-    def learn(self, image: Any) -> None:
+    def calibrate(self, image: Any) -> None:
         """Learn what the objects look like from an image in which their present poses are exact.
 
         For the frame of the start poses, if they are known well: the colours tell each object from
-        its surroundings (`regions`), and how far off the policy is here it will be off later
+        its surroundings (`contour`), and how far off the policy is here it will be off later
         (`calibration`). `InputError` if the image does not fit the camera.
         """
         frame = prepare_frame(image, self.camera)
         for track in self.tracks:
             centred = track.mesh.inner(track.pose)
-            track.colours = colours_at(
+            track.histograms = histograms_at(
                 frame.pixels, frame.camera.matrix(), track.mesh, centred, self.renderer
             )
             track.depth_bias = depth_bias(frame, track.mesh, track.pose, self.policy, self.renderer)
@@ -118,17 +117,17 @@ class PoseTracker:
             for track, result in zip(self.tracks, results, strict=True)
         )
 
-    def _add(self, frame: Frame, track: Track, result: TrackingResult) -> TrackingResult:
-        """Go on from a result; its pose is polished first if that is wanted."""
-        colours = None
-        if self.regions and result.pose is not None:
+    def _add(self, frame: Frame, track: TrackState, result: TrackingResult) -> TrackingResult:
+        """Go on from a result, after region-based refinement if that is wanted."""
+        histograms = None
+        if self.contour and result.pose is not None:
             target = Target(frame, self.camera, track.mesh, result.pose)
-            result, colours = last_word(target, result, self.renderer, track.colours)
+            result, histograms = refine_result(target, result, self.renderer, track.histograms)
         if result.pose is None:
             track.miss()
             return result
         track.add(result.pose, result.confidence)
-        track.learn(colours)
+        track.update_histograms(histograms)
         return replace(result, pose=track.pose)
 
     def _refine(self, frame: Frame) -> list[TrackingResult]:
@@ -139,43 +138,47 @@ class PoseTracker:
                 centre = track.mesh.inner(pose).translation
                 first = number not in groups
                 if first or out_of_sight(centre, track.mesh.sphere_diameter, frame.camera) is None:
-                    bias, close = track.depth_bias, track.steady
-                    targets.append(Target(frame, self.camera, track.mesh, pose, bias, close))
+                    bias, fine = track.depth_bias, track.slow
+                    targets.append(Target(frame, self.camera, track.mesh, pose, bias, fine))
                     groups.append(number)
         results = refine_batch(
             targets,
             policy=self.policy,
             renderer=self.renderer,
-            max_steps=self.max_steps,
+            max_iterations=self.max_iterations,
             groups=groups,
         )
-        return self._look_around(frame, results) if self.search else results
+        return self._recover(frame, results) if self.multi_start else results
 
-    def _look_around(self, frame: Frame, results: list[TrackingResult]) -> list[TrackingResult]:
-        """The results; instead of a doubtful one the surest end around where the object may be.
+    def _recover(self, frame: Frame, results: list[TrackingResult]) -> list[TrackingResult]:
+        """The results; one of low confidence is replaced by the best result from recovery poses.
 
-        An end in doubt is no reason to leave the track: a covered object is in doubt where it is.
+        Only by one of higher confidence: a covered object has a low confidence where it is.
         """
-        if not searches(self.policy):
+        if not supports_multi_start(self.policy):
             return results
         others = [
-            self._elsewhere(frame, track) if result.confidence < DOUBTFUL else []
+            self._recovery_targets(frame, track) if result.confidence < LOW_CONFIDENCE else []
             for track, result in zip(self.tracks, results, strict=True)
         ]
-        found = surest(
-            results, others, policy=self.policy, renderer=self.renderer, max_steps=self.max_steps
+        found = most_confident(
+            results,
+            others,
+            policy=self.policy,
+            renderer=self.renderer,
+            max_iterations=self.max_iterations,
         )
         return [
-            new if new.confidence >= DOUBTFUL else replace(old, milliseconds=new.milliseconds)
+            new if new.confidence >= LOW_CONFIDENCE else replace(old, milliseconds=new.milliseconds)
             for old, new in zip(results, found, strict=True)
         ]
 
-    def _elsewhere(self, frame: Frame, track: Track) -> list[Target]:
-        """Where else to start for an object in doubt."""
+    def _recovery_targets(self, frame: Frame, track: TrackState) -> list[Target]:
+        """Starts for an object whose confidence is low."""
         found: list[Target] = []
-        for pose in track.likely():
-            likely = Target(frame, self.camera, track.mesh, pose, track.depth_bias)
-            found += places(likely, LOST, track.random)
+        for pose in track.recovery_poses():
+            recovery_poses = Target(frame, self.camera, track.mesh, pose, track.depth_bias)
+            found += perturbed_targets(recovery_poses, RECOVERY, track.random)
         return found
 
 

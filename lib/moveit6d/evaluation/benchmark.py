@@ -20,8 +20,8 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from .protocols import NO_RESET, Protocol, follow_protocol, is_given
-from .run_tracker import Step, learning
-from .track_scores import Score, Surface, read_track, score
+from .run_tracker import TrackedFrame, calibrating
+from .track_scores import EvaluationPoints, Score, read_track, score
 
 if TYPE_CHECKING:
     from ..estimation import PoseTracker
@@ -35,8 +35,8 @@ def run_sequence(
     sequence: Sequence,
     make_tracker: MakeTracker,
     protocol: Protocol = NO_RESET,
-    learn: bool = True,
-) -> Iterator[Step]:
+    calibrate: bool = True,
+) -> Iterator[TrackedFrame]:
     """Track one sequence from its start pose: one step for each frame after the first.
 
     The first frame's pose is given and exact: the tracker may learn the object's colours from that
@@ -44,13 +44,15 @@ def run_sequence(
     """
     tracker = make_tracker(sequence.load_mesh(), sequence.camera, sequence.start)
     frames: Iterable[Frame] = (f for f in sequence.open() if f.index >= sequence.first)
-    if learn:
-        frames = learning(tracker, frames)
+    if calibrate:
+        frames = calibrating(tracker, frames)
     later = (frame for frame in frames if frame.index > sequence.first)
     yield from follow_protocol(tracker, later, sequence.truth, protocol)
 
 
-def gather(sequence: Sequence, steps: Iterable[Step], path: Path | None) -> dict[int, PoseRow]:
+def gather(
+    sequence: Sequence, steps: Iterable[TrackedFrame], path: Path | None
+) -> dict[int, PoseRow]:
     """Rows by frame; with a path also written there as they come, in the benchmark's format.
 
     The first row is the given start, without a time.
@@ -91,7 +93,7 @@ def score_track(
     truth = scored_truth(sequence, rows, count_resets)
     if len(truth) < 2:
         return None
-    surface = Surface.of(sequence.load_mesh(), symmetric=sequence.symmetric)
+    surface = EvaluationPoints.of(sequence.load_mesh(), symmetric=sequence.symmetric)
     # Resets count wherever they were, in frames that are not scored, too.
     return replace(score(rows, truth, surface), resets=sum(row.reset for row in rows.values()))
 

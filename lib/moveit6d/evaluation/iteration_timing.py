@@ -21,7 +21,7 @@ from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3
 from ..observation import observe
-from ..policies import Policy, Situation, choose_move
+from ..policies import LoopState, Policy, to_action
 from ..rendering.renderer import Renderer
 from .default_camera import CAMERA
 
@@ -30,7 +30,7 @@ WARM_UP = 5
 
 
 @dataclass(frozen=True)
-class CycleTimes:
+class IterationTimes:
     """Median milliseconds of each of `PARTS`, of their sum, and of a whole cycle of the loop."""
 
     parts: dict[str, float]
@@ -38,12 +38,12 @@ class CycleTimes:
     whole: float
 
 
-def time_cycle(
+def time_iteration(
     mesh: Mesh,
     policy: Policy,
     renderer: Renderer,
     rounds: Iterable[object],
-) -> CycleTimes:
+) -> IterationTimes:
     """Time cycles on one object, seen from another side each time, in a frame of 640 × 480.
 
     One cycle a round; the first `WARM_UP` rounds are not counted.
@@ -58,19 +58,19 @@ def time_cycle(
         depth = 3.0 * mesh.sphere_diameter
         place = torch.tensor([0.1 * depth, -0.05 * depth, depth], dtype=torch.float64)
         centred = Pose(turn[None], place[None])
-        taken.append(_parts(mesh, centred, frame.pixels, policy, renderer))
+        taken.append(_time_parts(mesh, centred, frame.pixels, policy, renderer))
         begin = time.perf_counter()
         target = Target(frame, CAMERA, mesh, mesh.outer(centred[0]))
-        refine_batch([target], policy=policy, renderer=renderer, max_steps=1)
+        refine_batch([target], policy=policy, renderer=renderer, max_iterations=1)
         wholes.append(1e3 * (time.perf_counter() - begin))
     table = np.array(taken[WARM_UP:])
     medians = dict(zip(PARTS, np.median(table, 0).tolist(), strict=True))
     total = float(np.median(table.sum(1)))
-    return CycleTimes(medians, total, float(np.median(wholes[WARM_UP:])))
+    return IterationTimes(medians, total, float(np.median(wholes[WARM_UP:])))
 
 
 @torch.inference_mode()  # as the loop's own cycles
-def _parts(
+def _time_parts(
     mesh: Mesh, pose: Pose, pixels: torch.Tensor, policy: Policy, renderer: Renderer
 ) -> list[float]:
     """Milliseconds of the parts of one cycle, in the order of `PARTS`."""
@@ -84,8 +84,8 @@ def _parts(
     moments.append(time.perf_counter())
     seen = observe(patch[None], gbuffer, view, diameter)
     moments.append(time.perf_counter())
-    decision = policy.decide(seen, Situation(pose, diameter, torch.arange(1)))
+    prediction = policy.predict(seen, LoopState(pose, diameter, torch.arange(1)))
     moments.append(time.perf_counter())
-    choose_move(decision, policy.mode).apply(pose, diameter, policy.crop)
+    to_action(prediction, policy.mode).apply_centred(pose, diameter, policy.crop)
     moments.append(time.perf_counter())
     return [1e3 * (end - start) for start, end in itertools.pairwise(moments)]

@@ -10,22 +10,22 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import torch
 
-from ..actions import PoseAction, difference
+from ..actions import PoseAction, pose_delta
 from ..estimation import Target, refine_batch
 from ..geometry.mesh import Mesh, sphere_diameters
 from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
-from ..policies import MoveMode, OraclePolicy
+from ..policies import ActionMode, OraclePolicy
 from ..rendering.renderer import Renderer
-from ..synthesis.training.clusters import ClusterConfig, draw_counts
+from ..synthesis.training.clusters import ClusterConfig, draw_delta
 from .default_camera import CAMERA
 
-MAX_STEPS = 200  # the largest start is 135 single steps away
+MAX_ITERATIONS = 200  # the largest start is 135 single steps away
 BATCH = 25
 
 
 def oracle_errors(
-    meshes: Sequence[Mesh], renderer: Renderer, mode: MoveMode, starts: int, seed: int = 0
+    meshes: Sequence[Mesh], renderer: Renderer, mode: ActionMode, starts: int, seed: int = 0
 ) -> Iterator[float]:
     """Largest count left on any axis at the end of each of `starts` loops, in steps.
 
@@ -37,19 +37,21 @@ def oracle_errors(
     for begin in range(0, starts, BATCH):
         chosen = [meshes[k % len(meshes)] for k in range(begin, min(begin + BATCH, starts))]
         diameter = sphere_diameters(chosen)
-        counts = np.stack([draw_counts(random, ClusterConfig()) for _ in chosen])
+        delta = np.stack([draw_delta(random, ClusterConfig()) for _ in chosen])
         side = random.uniform([-0.8, -0.6, 3.5], [0.8, 0.6, 8.0], (len(chosen), 3))
         place = torch.from_numpy(side) * diameter[:, None]
         truth = Pose(random_rotations(len(chosen), generator), place)
-        start = PoseAction.of(torch.from_numpy(counts)).apply(truth, diameter)
+        start = PoseAction.from_delta(torch.from_numpy(delta)).apply_centred(truth, diameter)
         targets = [
             Target(image, CAMERA, mesh, mesh.outer(start[i])) for i, mesh in enumerate(chosen)
         ]
         policy = OraclePolicy(truth, mode)
-        results = refine_batch(targets, policy=policy, renderer=renderer, max_steps=MAX_STEPS)
+        results = refine_batch(
+            targets, policy=policy, renderer=renderer, max_iterations=MAX_ITERATIONS
+        )
         for i, result in enumerate(results):
             if result.pose is None:
                 yield float("inf")
                 continue
-            left = difference(chosen[i].inner(result.pose), truth[i], diameter[i])
+            left = pose_delta(chosen[i].inner(result.pose), truth[i], diameter[i])
             yield float(left.abs().max())

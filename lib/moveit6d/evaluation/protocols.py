@@ -23,7 +23,7 @@ from .metrics import (
     translation_error,
     within,
 )
-from .run_tracker import Step, follow
+from .run_tracker import TrackedFrame, run_tracker
 
 if TYPE_CHECKING:
     from ..estimation import PoseTracker
@@ -42,15 +42,13 @@ class Protocol:
         name: what tables and options call it.
         reset_every: give the true pose in every frame whose number this divides; None never.
         reset_on: whose rule says that a track is lost; None no one's.
-        count_resets: whether frames whose pose was given count in scores (with an error of 0).
         max_steps: cycles a frame at most in the published runs. Whoever makes the tracker decides.
     """
 
     name: str
     reset_every: int | None = None
     reset_on: Literal["rbot", "laval"] | None = None
-    count_resets: bool = False
-    max_steps: int = 30
+    max_iterations: int = 30
 
     def __post_init__(self) -> None:
         if self.reset_every is not None and self.reset_every < 1:
@@ -62,15 +60,11 @@ NO_RESET = Protocol("none")
 # The paper's: "reset the pose estimation with the annotated pose every 15 frames".
 PAPER = Protocol("paper", reset_every=15)
 # DLR-RM/3DObjectTracking, rbot_evaluator.cpp. No frame is given, so that all count.
-RBOT = Protocol("rbot", reset_on="rbot", count_resets=True)
-# The Laval authors' test loop, for their sequences `interaction_hard`.
+RBOT = Protocol("rbot", reset_on="rbot")
+# The Laval authors' test loop for their sequences `interaction_hard`; for all others they reset
+# every 15 frames.
 LAVAL = Protocol("laval", reset_on="laval")
 PROTOCOLS = {protocol.name: protocol for protocol in (NO_RESET, PAPER, RBOT, LAVAL)}
-
-
-def laval_protocol(sequence: str) -> Protocol:
-    """What the Laval benchmark does with a sequence of that name."""
-    return LAVAL if "interaction_hard" in sequence else PAPER
 
 
 def is_given(row: PoseRow) -> bool:
@@ -80,7 +74,7 @@ def is_given(row: PoseRow) -> bool:
 
 def follow_protocol(
     tracker: PoseTracker, frames: Iterable[Frame], truth: Mapping[int, Pose], protocol: Protocol
-) -> Iterator[Step]:
+) -> Iterator[TrackedFrame]:
     """One step a frame, as `follow` makes them; `row.reset` marks frames with a reset.
 
     `frames` are those after the start frame; poses of `truth` (by frame number, mesh file's frame)
@@ -97,10 +91,10 @@ def follow_protocol(
         if due and true is not None and _reset(tracker, true):
             due = False
             watch.bad = 0
-            row = PoseRow(frame.index, frame.name, true, steps=0, stopped_by=GIVEN, reset=True)
-            yield Step(frame, row)
+            row = PoseRow(frame.index, frame.name, true, iterations=0, stopped_by=GIVEN, reset=True)
+            yield TrackedFrame(frame, row)
             continue
-        (step,) = follow(tracker, (frame,))
+        (step,) = run_tracker(tracker, (frame,))
         if true is not None and protocol.reset_on == "rbot":
             good = step.row.pose is not None and bool(within(step.row.pose, true))
             if not good and _reset(tracker, true):

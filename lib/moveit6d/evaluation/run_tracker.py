@@ -15,7 +15,7 @@ import numpy as np
 from ..datasets.pose_files import PoseRow
 from ..datasets.video import Frame
 from ..errors import InputError
-from ..estimation.hypotheses import DOUBTFUL
+from ..estimation.track_state import LOW_CONFIDENCE
 from .metrics import LOST_RUN
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ KEPT_FAILURES = 100
 
 
 @dataclass(frozen=True)
-class Step:
+class TrackedFrame:
     """One frame and the row of poses.csv for it; `error` says why a frame has no pose."""
 
     frame: Frame
@@ -36,10 +36,10 @@ class Step:
     @property
     def confident(self) -> bool:
         """Whether there is a pose that the tracker itself believes."""
-        return self.row.pose is not None and (self.row.confidence or 0.0) >= DOUBTFUL
+        return self.row.pose is not None and (self.row.confidence or 0.0) >= LOW_CONFIDENCE
 
 
-def learning(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Frame]:
+def calibrating(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Frame]:
     """The frames, from the first of which the tracker learns: its start pose is exact there.
 
     A first frame that it cannot learn from is passed on like the others, for `follow` to say why.
@@ -47,34 +47,34 @@ def learning(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Frame]:
     for number, frame in enumerate(frames):
         if number == 0 and frame.image is not None:
             with suppress(InputError):
-                tracker.learn(frame.image)
+                tracker.calibrate(frame.image)
         yield frame
 
 
-def follow(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Step]:
+def run_tracker(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[TrackedFrame]:
     """One step a frame, in order. A bad frame gives a row without a pose; the track goes on."""
     for frame in frames:
         if frame.image is None:
-            yield Step(frame, _failed(frame), frame.error or "no image.")
+            yield TrackedFrame(frame, _failed(frame), frame.error or "no image.")
             continue
         result = tracker.update(frame.image)[0]
         if result.pose is None or result.stopped_by.value == FAILED:
-            yield Step(frame, _failed(frame), result.error or "no pose.")
+            yield TrackedFrame(frame, _failed(frame), result.error or "no pose.")
             continue
         row = PoseRow(
             frame=frame.index,
             image=frame.name,
             pose=result.pose,
-            steps=result.steps,
+            iterations=result.iterations,
             stopped_by=result.stopped_by.value,
             confidence=result.confidence,
             milliseconds=result.milliseconds,
         )
-        yield Step(frame, row)
+        yield TrackedFrame(frame, row)
 
 
 @dataclass
-class Record:
+class TrackSummary:
     """What a report says of a track, gathered frame by frame in little memory."""
 
     frames: int = 0
@@ -84,7 +84,7 @@ class Record:
     lost_from: int | None = None
     _doubtful: int = 0
 
-    def add(self, step: Step) -> None:
+    def add(self, step: TrackedFrame) -> None:
         """Take note of one more frame."""
         self.frames += 1
         if step.error is not None:

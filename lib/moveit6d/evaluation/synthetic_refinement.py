@@ -23,7 +23,7 @@ from ..geometry.rotation import random_rotations
 from ..policies import Policy
 from ..rendering.renderer import Renderer
 from ..synthesis.augmentation.lighting import LightConfig, light
-from ..synthesis.training.clusters import ClusterConfig, draw_counts
+from ..synthesis.training.clusters import ClusterConfig, draw_delta
 from .default_camera import CAMERA
 from .metrics import add
 
@@ -39,7 +39,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RefinedCase:
     """ADD before and after in diameters of the object (inf without a pose), and the result."""
 
     before: float
@@ -48,9 +48,15 @@ class Outcome:
 
 
 def make_cases(
-    meshes: Sequence[Mesh], photos: Sequence[np.ndarray], renderer: Renderer, *,
-    cluster: str, covered: float, number: int, seed: int = 0,
-) -> Iterator[Case]:  # fmt: skip
+    meshes: Sequence[Mesh],
+    photos: Sequence[np.ndarray],
+    renderer: Renderer,
+    *,
+    cluster: str,
+    occluded: float,
+    number: int,
+    seed: int = 0,
+) -> Iterator[Case]:
     """`number` cases, the objects in turn; `covered` is the share of cases with an occluder."""
     random = np.random.default_rng(seed)
     generator = torch.Generator().manual_seed(seed)
@@ -58,14 +64,14 @@ def make_cases(
         mesh = meshes[k % len(meshes)]
         truth = _random_pose(mesh, random, generator)
         diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
-        counts = torch.from_numpy(draw_counts(random, ClusterConfig(), cluster))
-        start = PoseAction.of(counts).apply(truth, diameter)
+        delta = torch.from_numpy(draw_delta(random, ClusterConfig(), cluster))
+        start = PoseAction.from_delta(delta).apply_centred(truth, diameter)
         photo = photos[int(random.integers(len(photos)))]
         picture = _photo(photo)
         picture = _put(picture, mesh, truth, renderer, generator)
-        if random.random() < covered:
-            cover = photos[int(random.integers(len(photos)))]
-            picture = _cover(picture, cover, mesh, truth, random)
+        if random.random() < occluded:
+            card_photo = photos[int(random.integers(len(photos)))]
+            picture = _occlude(picture, card_photo, mesh, truth, random)
         picture = picture * random.uniform(0.8, 1.2)
         picture += 0.01 * torch.randn(picture.shape, generator=generator)
         image = (picture.clamp(0, 1) * 255).round().to(torch.uint8).permute(1, 2, 0)
@@ -76,20 +82,24 @@ def run_cases(
     cases: Sequence[Case],
     policy: Policy,
     renderer: Renderer,
-    max_steps: int | None = None,
+    max_iterations: int | None = None,
     batch: int = 16,
-    search: bool = False,
-    regions: bool = False,
-) -> Iterator[Outcome]:
+    multi_start: bool = False,
+    contour: bool = False,
+) -> Iterator[RefinedCase]:
     """Refine the cases in batches, as `PoseEstimator` does, and measure them."""
     points: dict[Mesh, Tensor] = {}
     for begin in range(0, len(cases), batch):
         part = cases[begin : begin + batch]
         targets = [case.target for case in part]
         results = refine_single(
-            targets, policy=policy, renderer=renderer, max_steps=max_steps,
-            search=search, regions=regions,
-        )  # fmt: skip
+            targets,
+            policy=policy,
+            renderer=renderer,
+            max_iterations=max_iterations,
+            multi_start=multi_start,
+            contour=contour,
+        )
         for case, result in zip(part, results, strict=True):
             mesh = case.target.mesh
             if mesh not in points:
@@ -98,7 +108,7 @@ def run_cases(
             after = np.inf
             if result.pose is not None:
                 after = float(add(result.pose, case.truth, points[mesh])) / mesh.diameter
-            yield Outcome(before, after, result)
+            yield RefinedCase(before, after, result)
 
 
 def _random_pose(mesh: Mesh, random: np.random.Generator, generator: torch.Generator) -> Pose:
@@ -150,7 +160,7 @@ def _put(
     return picture * (1 - warped[3:]) + warped[:3]
 
 
-def _cover(
+def _occlude(
     picture: Tensor, photo: np.ndarray, mesh: Mesh, truth: Pose, random: np.random.Generator
 ) -> Tensor:
     """A photo card over about a third of the object."""
@@ -163,7 +173,7 @@ def _cover(
     card = _photo(photo)
     x0, y0 = max(x, 0), max(y, 0)
     x1, y1 = min(x + size, CAMERA.width), min(y + size, CAMERA.height)
-    covered = picture.clone()
+    occluded = picture.clone()
     if x1 > x0 and y1 > y0:
-        covered[:, y0:y1, x0:x1] = card[:, y0:y1, x0:x1]
-    return covered
+        occluded[:, y0:y1, x0:x1] = card[:, y0:y1, x0:x1]
+    return occluded

@@ -27,7 +27,7 @@ LEVELS = ("easy", "occ", "fast", "hard")
 
 
 @dataclass(frozen=True)
-class Surface:
+class EvaluationPoints:
     """What scoring needs of an object: points (N, 3) on its surface and its diameter, metres.
 
     For an object that is declared symmetric ADD is ADD-S throughout.
@@ -38,7 +38,7 @@ class Surface:
     symmetric: bool = False
 
     @staticmethod
-    def of(mesh: Mesh, count: int = SURFACE_POINTS, symmetric: bool = False) -> Surface:
+    def of(mesh: Mesh, count: int = SURFACE_POINTS, symmetric: bool = False) -> EvaluationPoints:
         """Points drawn by area with a fixed seed, in the file's frame.
 
         The very points of the benchmark's published figures, so that its tables come out exactly.
@@ -51,7 +51,7 @@ class Surface:
         a, b = np.sqrt(random.random(count)), random.random(count)
         weights = np.stack([1 - a, a * (1 - b), a * b], 1)
         points = (corners[chosen] * weights[..., None]).sum(1)
-        return Surface(torch.from_numpy(points), mesh.diameter, symmetric)
+        return EvaluationPoints(torch.from_numpy(points), mesh.diameter, symmetric)
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Score:
     resets: int
     milliseconds: float | None
     missing: int
-    steps: float | None = None
+    iterations: float | None = None
 
     @property
     def never_lost(self) -> bool:
@@ -91,7 +91,7 @@ class Score:
 
 
 def frame_errors(
-    found: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: Surface
+    found: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: EvaluationPoints
 ) -> list[FrameError]:
     """Errors of every frame whose true pose is known, without the first."""
     errors = []
@@ -112,7 +112,9 @@ def frame_errors(
     return errors
 
 
-def score(found: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: Surface) -> Score:
+def score(
+    found: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: EvaluationPoints
+) -> Score:
     """The figures of a track, rows by frame, against the true poses by frame."""
     errors = frame_errors(found, truth, surface)
     if not errors:
@@ -121,7 +123,7 @@ def score(found: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: Surf
     near = [error.translation < 0.05 and error.rotation < 5 for error in errors]
     rows = [found[error.frame] for error in errors if error.frame in found]
     times = _known(row.milliseconds for row in rows)
-    steps = _known(row.steps for row in rows)
+    iterations = _known(row.iterations for row in rows)
     cut = add.clamp_max(surface.diameter)
     limit = metrics.ADD_LIMIT * surface.diameter
     return Score(
@@ -135,7 +137,7 @@ def score(found: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: Surf
         resets=sum(row.reset for row in rows),
         milliseconds=float(np.median(times)) if times else None,
         missing=int(torch.isinf(add).sum()),
-        steps=float(np.median(steps)) if steps else None,
+        iterations=float(np.median(iterations)) if iterations else None,
     )
 
 
@@ -200,24 +202,33 @@ class _Columns:
     """The columns of a table: those of resets and steps are there if a score has any."""
 
     resets: bool
-    steps: bool
+    iterations: bool
 
     @staticmethod
     def of(scores: Iterable[Score]) -> _Columns:
         known = list(scores)
         return _Columns(
-            any(score.resets for score in known), any(score.steps is not None for score in known)
+            any(score.resets for score in known),
+            any(score.iterations is not None for score in known),
         )
 
     @property
     def head(self) -> list[str]:
-        head = ["sequences", "ADD<10%d", "ADD<5%d", "mean ADD mm", "median ADD mm",
-                "frames until lost", "never lost", "5cm/5deg"]  # fmt: skip
-        return [*head, *["resets"] * self.resets, *["steps"] * self.steps, "ms/frame"]
+        head = [
+            "sequences",
+            "ADD<10%d",
+            "ADD<5%d",
+            "mean ADD mm",
+            "median ADD mm",
+            "frames until lost",
+            "never lost",
+            "5cm/5deg",
+        ]
+        return [*head, *["resets"] * self.resets, *["iterations"] * self.iterations, "ms/frame"]
 
     def cells(self, scores: Sequence[Score]) -> list[str]:
         times = _known(score.milliseconds for score in scores)
-        steps = _known(score.steps for score in scores)
+        iterations = _known(score.iterations for score in scores)
         cells = [
             str(len(scores)),
             percent(float(np.mean([score.below_10 for score in scores]))),
@@ -229,5 +240,5 @@ class _Columns:
             percent(float(np.mean([score.within_5cm_5deg for score in scores]))),
         ]
         cells += [str(sum(score.resets for score in scores))] * self.resets
-        cells += [f"{np.median(steps):g}" if steps else "-"] * self.steps
+        cells += [f"{np.median(iterations):g}" if iterations else "-"] * self.iterations
         return [*cells, f"{np.mean(times):.1f}" if times else "-"]

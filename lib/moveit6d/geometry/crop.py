@@ -6,7 +6,7 @@ sphere `PATCH_SIZE / PADDING` pixels wide; in its frame every object stands at (
 
 The axis-parallel crop, which others use, is a square cut out of the image: its camera is not turned
 and the square's middle is the object's. An object away from the image's middle then looks turned
-and slanted. It is here to be compared with (METHOD 9, docs/training.md).
+and slanted. It is here to be compared with (docs/training.md).
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def look_at(pose: Pose, sphere_diameter: Tensor) -> View:
     """The virtual cameras for centred poses (...) of objects of the given diameters (...), metres.
 
     The turn is the smallest one that takes t/‖t‖ to the optical axis (no roll). Differentiable for
-    objects in front of the camera. METHOD 2.
+    objects in front of the camera. docs/method.md.
     """
     distance = pose.translation.norm(dim=-1)
     x, y, z = (pose.translation / distance[..., None]).unbind(-1)
@@ -85,8 +85,17 @@ def axis_parallel(pose: Pose, sphere_diameter: Tensor) -> View:
     focal = OBJECT_SIZE * z / sphere_diameter
     zero, one = torch.zeros_like(focal), torch.ones_like(focal)
     middle = (PATCH_SIZE - 1) / 2
-    entries = [focal, zero, middle - focal * x / z, zero, focal, middle - focal * y / z,
-               zero, zero, one]  # fmt: skip
+    entries = [
+        focal,
+        zero,
+        middle - focal * x / z,
+        zero,
+        focal,
+        middle - focal * y / z,
+        zero,
+        zero,
+        one,
+    ]
     intrinsics = torch.stack(entries, -1).reshape(*focal.shape, 3, 3)
     rotation = torch.eye(3).to(intrinsics).expand_as(intrinsics)
     return View(rotation, intrinsics, z)
@@ -99,7 +108,7 @@ def view_of(pose: Pose, sphere_diameter: Tensor, crop: Crop = "look_at") -> View
 
 
 def crop_homography(view: View, intrinsics: Tensor) -> Tensor:
-    """Pixels of the image → pixels of the patch, H = K_v R_v K⁻¹: (..., 3, 3). METHOD 2."""
+    """Pixels of the image → pixels of the patch, H = K_v R_v K⁻¹: (..., 3, 3)."""
     homography: Tensor = view.intrinsics @ view.rotation @ torch.linalg.inv(intrinsics)
     return homography
 
@@ -166,8 +175,9 @@ def _window(image: Tensor, back: Tensor, factor: int) -> tuple[Tensor, tuple[int
     """
     height, width = image.shape[-2:]
     edge = float(PATCH_SIZE)
-    seen = [[a * x + b * y + c for x in (-1.0, edge) for y in (-1.0, edge)] for a, b, c in
-            back.tolist()]  # fmt: skip
+    seen = [
+        [a * x + b * y + c for x in (-1.0, edge) for y in (-1.0, edge)] for a, b, c in back.tolist()
+    ]
     if min(seen[2]) <= 0:  # the patch reaches behind the camera: keep the whole image
         return image[..., : _whole(height, factor), : _whole(width, factor)], (0, 0)
     u = [x / z for x, z in zip(seen[0], seen[2], strict=True)]

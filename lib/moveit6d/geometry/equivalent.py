@@ -19,7 +19,7 @@ def nearest_equivalent(pose: Pose, reference: Pose, symmetries: Symmetries) -> P
     """The equivalent of an unbatched pose that is turned least against `reference`.
 
     Both and the answer in the mesh file's frame, float64. Exact for axes too: the angle about an
-    axis that turns least has a closed form. METHOD 4.
+    axis that turns least has a closed form.
     """
     if symmetries.is_trivial:
         return pose

@@ -78,10 +78,16 @@ def from_quaternion(quaternion: Tensor) -> Tensor:
     """Rotations of unit quaternions (w, x, y, z): (..., 4) → (..., 3, 3)."""
     w, x, y, z = quaternion.unbind(-1)
     rows = [
-        1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w),
-        2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
-        2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y),
-    ]  # fmt: skip
+        1 - 2 * (y * y + z * z),
+        2 * (x * y - z * w),
+        2 * (x * z + y * w),
+        2 * (x * y + z * w),
+        1 - 2 * (x * x + z * z),
+        2 * (y * z - x * w),
+        2 * (x * z - y * w),
+        2 * (y * z + x * w),
+        1 - 2 * (x * x + y * y),
+    ]
     return torch.stack(rows, -1).reshape(*quaternion.shape[:-1], 3, 3)
 
 
@@ -103,11 +109,14 @@ def _quaternion(rotation: Tensor) -> Tensor:
     )
     ww, xx = 1 + trace, 1 + 2 * m[..., 0, 0] - trace
     yy, zz = 1 + 2 * m[..., 1, 1] - trace, 1 + 2 * m[..., 2, 2] - trace
-    rows = torch.stack([
-        torch.stack([ww, wx, wy, wz], -1),
-        torch.stack([wx, xx, xy, xz], -1),
-        torch.stack([wy, xy, yy, yz], -1),
-        torch.stack([wz, xz, yz, zz], -1),
-    ], -2)  # fmt: skip
+    rows = torch.stack(
+        [
+            torch.stack([ww, wx, wy, wz], -1),
+            torch.stack([wx, xx, xy, xz], -1),
+            torch.stack([wy, xy, yy, yz], -1),
+            torch.stack([wz, xz, yz, zz], -1),
+        ],
+        -2,
+    )
     best = diagonal.argmax(-1)[..., None, None].expand(*m.shape[:-2], 1, 4)
     return torch.nn.functional.normalize(rows.gather(-2, best)[..., 0, :], dim=-1)

@@ -1,7 +1,7 @@
 """The paper's network: concatenated patches → attention-weighted embedding → 13 actions.
 
-Never renders and never applies a move. Paper, section "Method" and its architecture figure; METHOD
-5. The paper draws the layers without their sizes; those here are ours.
+Never renders and never applies a pose delta. Paper, section "Method" and its architecture figure.
+The paper draws the layers without their sizes; those here are ours.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from ..geometry.crop import Crop
 from ..observation import Observation
 from .blocks import Residual, attention_pool, conv_block
-from .decision import Decision
+from .policy_output import PolicyOutput
 
 
 @dataclass(frozen=True)
@@ -44,15 +44,15 @@ class ActionNet(nn.Module):
             Residual(c16),
         )
         self.attend = nn.Conv2d(c16, 1, 1)
-        self.decide = nn.Sequential(
+        self.classifier = nn.Sequential(
             nn.Linear(c16, config.hidden), nn.ReLU(inplace=True), nn.Linear(config.hidden, 14)
         )
 
-    def forward(self, seen: Observation) -> tuple[Decision, Tensor]:
-        """The decision, and the confidence's logit (B,) for training."""
-        channels = seen.channels(self.config.use_depth) - 0.45
+    def forward(self, observation: Observation) -> tuple[PolicyOutput, Tensor]:
+        """The prediction, and the confidence's logit (B,) for training."""
+        channels = observation.channels(self.config.use_depth) - 0.45
         features = self.embed(channels.contiguous(memory_format=torch.channels_last))
         attention = torch.sigmoid(self.attend(features))
-        values = self.decide(attention_pool(features, attention))
-        decision = Decision(values[:, :13], None, torch.sigmoid(values[:, 13]), attention)
-        return decision, values[:, 13]
+        values = self.classifier(attention_pool(features, attention))
+        prediction = PolicyOutput(values[:, :13], None, torch.sigmoid(values[:, 13]), attention)
+        return prediction, values[:, 13]

@@ -37,7 +37,7 @@ class Residual(nn.Module):
         return torch.relu(features + self.second(self.first(features)))
 
 
-def deepened(
+def with_extra_blocks(
     before: Sequence[nn.Module], channels: int, number: int, after: Sequence[nn.Module] = ()
 ) -> nn.Sequential:
     """Modules in sequence with `number` residual blocks put in between that begin as identities.
@@ -48,7 +48,7 @@ def deepened(
     blocks = nn.Sequential(*[Residual(channels, identity=True) for _ in range(number)])
     parts = [(str(i), module) for i, module in enumerate([*before, *after])]
     if number:
-        parts.insert(len(before), ("deeper", blocks))
+        parts.insert(len(before), ("extra_blocks", blocks))
     return nn.Sequential(OrderedDict(parts))
 
 

@@ -1,6 +1,6 @@
-"""The correlation network: match observation and rendering, then solve for all six counts at once.
+"""The correlation network: match observation and rendering, solve for the whole pose delta.
 
-Never renders and never applies a move. METHOD 9b and 9e: one encoder for both pictures, local
+Never renders and never applies a move. docs/method.md: one encoder for both pictures, local
 correlation at stride 8 and again at stride 4 around the first answers, displacement, visibility and
 weight a cell, a differentiable least squares, and a head with a correction, the 13 action logits
 and the confidence.
@@ -16,10 +16,9 @@ from torch.nn import functional
 
 from ..geometry.crop import PATCH_SIZE, Crop
 from ..observation import Observation
-from .blocks import Residual, attention_pool, conv_block, deepened
-from .cells import CellAnswer
-from .decision import Decision
-from .least_squares import cell_pixels, jacobian, solve_counts, surface_points
+from .blocks import Residual, attention_pool, conv_block, with_extra_blocks
+from .dense_prediction import DensePrediction
+from .least_squares import cell_pixels, jacobian, solve_delta, surface_points
 from .matching import (
     BLOCK,
     centred,
@@ -29,17 +28,18 @@ from .matching import (
     warp_cells,
     window_index,
 )
+from .policy_output import PolicyOutput
 
 # Prior of the least squares for t_x, t_y, t_z and the three turns; learnable. Measured to matter:
 # with 1e-3 everywhere its loss stays a fifth higher.
 _DAMPING = (4e-3, 4e-3, 1e-2, 8e-3, 8e-3, 8e-3)
 _GREY = 0.45
-_HEAD_SCALE = 3.0  # counts that an output of 1 of the head stands for
+_HEAD_SCALE = 3.0  # units that an output of 1 of the head stands for
 
 
 @dataclass(frozen=True)
 class CorrelationConfig:
-    """Sizes of a `CorrelationNet`; the shipped network's but for `deeper`, there (1, 2, 1)."""
+    """Sizes of a `CorrelationNet`; the shipped network has `extra_blocks` (1, 2, 1)."""
 
     channels: tuple[int, int, int] = (24, 32, 64)  # encoder at strides 2, 4, 8
     geometry: tuple[int, int, int] = (12, 24, 32)  # the rendering's own encoder
@@ -48,29 +48,30 @@ class CorrelationConfig:
     fine: int = 32  # stride 4: matching and decoder
     radius: int = 4  # of the correlation at stride 8, cells
     fine_radius: int = 3  # at stride 4, cells
-    deeper: tuple[int, int, int] = (0, 0, 0)  # residual blocks more: encoder, decoders at 8 and 4
+    # Additional residual blocks in the encoder and in the decoders at strides 8 and 4.
+    extra_blocks: tuple[int, int, int] = (0, 0, 0)
     use_depth: bool = True
     crop: Crop = "look_at"  # the kind of patches that it is trained on
 
 
 @dataclass(frozen=True)
 class CorrelationOutput:
-    """Everything that training looks at; `decision` is what the loop needs.
+    """Everything that training looks at; `prediction` is what the loop needs.
 
     `matching` (B, cells, offsets) are scaled correlation logits at stride 8, `solved` (B, 6) the
     least squares before the head's correction.
     """
 
     matching: Tensor
-    coarse: CellAnswer
-    fine: CellAnswer
+    coarse: DensePrediction
+    fine: DensePrediction
     solved: Tensor
     confidence_logit: Tensor
-    decision: Decision
+    prediction: PolicyOutput
 
 
 class CorrelationNet(nn.Module):
-    """Observation → decision; 0.35 M parameters with the default sizes, 0.6 M as shipped."""
+    """Observation → prediction; 0.35 M parameters with the default sizes, 0.6 M as shipped."""
 
     offsets: Tensor
     coarse_index: Tensor
@@ -83,25 +84,26 @@ class CorrelationNet(nn.Module):
         c2, c4, c8 = config.channels
         g2, g4, g8 = config.geometry
         self.encode4 = nn.Sequential(conv_block(3, c2, 2, 5), conv_block(c2, c4, 2), Residual(c4))
-        more8, more_decoder, more_fine = config.deeper
-        self.encode8 = deepened(
+        more8, more_decoder, more_fine = config.extra_blocks
+        self.encode8 = with_extra_blocks(
             [conv_block(c4, c8, 2), Residual(c8)], c8, more8, [nn.Conv2d(c8, c8, 1)]
         )
         self.geometry4 = nn.Sequential(conv_block(5, g2, 2, 5), conv_block(g2, g4, 2))
         self.geometry8 = conv_block(g4, g8, 2)
         offsets = (2 * config.radius + 1) ** 2
         self.context = conv_block(2 * c8 + g8, config.context, 1, 1)
-        self.decode = deepened(
+        self.decode = with_extra_blocks(
             [conv_block(offsets + config.context + 2, config.decoder), Residual(config.decoder)],
-            config.decoder, more_decoder,
-        )  # fmt: skip
+            config.decoder,
+            more_decoder,
+        )
         self.answer = nn.Conv2d(config.decoder, 4, 3, 1, 1)
         self.attend = nn.Conv2d(config.decoder, 1, 1)
         fine = config.fine
         self.fine_match = nn.Conv2d(c4, fine, 1)
         self.fine_context = conv_block(2 * fine + g4 + config.decoder, fine, 1, 1)
         fine_offsets = (2 * config.fine_radius + 1) ** 2
-        self.fine_decode = deepened(
+        self.fine_decode = with_extra_blocks(
             [conv_block(fine_offsets + fine + 2, fine), conv_block(fine, fine)], fine, more_fine
         )
         self.fine_answer = nn.Conv2d(fine, 6, 3, 1, 1)
@@ -126,20 +128,20 @@ class CorrelationNet(nn.Module):
         for name, value in constants.items():
             self.register_buffer(name, value, persistent=False)
 
-    def forward(self, seen: Observation, matching_only: bool = False) -> CorrelationOutput:
+    def forward(self, observation: Observation, matching_only: bool = False) -> CorrelationOutput:
         """Answer a batch.
 
         With `matching_only` the gradient of everything after the correlation does not reach the
-        encoder: the first steps of a training need it, or the correlation stays at chance.
+        encoder: the first training steps need it, or the correlation stays at chance.
         """
-        batch = len(seen)
-        depth = seen.depth if self.config.use_depth else torch.zeros_like(seen.depth)
+        batch = len(observation)
+        depth = observation.depth if self.config.use_depth else torch.zeros_like(observation.depth)
         # Grey, not black, around the object: a dark one would have no outline.
-        rendering = (seen.rendering - _GREY) * seen.mask
-        pictures = torch.cat([seen.image - _GREY, rendering])
+        rendering = (observation.rendering - _GREY) * observation.mask
+        pictures = torch.cat([observation.image - _GREY, rendering])
         shared4 = self.encode4(pictures.contiguous(memory_format=torch.channels_last))
         shared8 = centred(self.encode8(shared4))
-        geometry = torch.cat([rendering, depth, seen.mask], 1)
+        geometry = torch.cat([rendering, depth, observation.mask], 1)
         geometry4 = self.geometry4(geometry.contiguous(memory_format=torch.channels_last))
         image8, render8 = shared8[:batch], shared8[batch:]
 
@@ -157,13 +159,13 @@ class CorrelationNet(nn.Module):
         first = torch.einsum("bkyx,kc->bcyx", share, self.offsets)  # cells
         context = self.context(side_by_side(image8, render8, self.geometry8(geometry4)))
         hidden = self.decode(side_by_side(volume * 4, first / 8, context))
-        coarse = _cells(self.answer(hidden), first * 8, 8.0)
+        coarse = _dense_prediction(self.answer(hidden), first * 8, 8.0)
 
         fine, fine_hidden = self._refine(shared4, geometry4, hidden, coarse, batch)
-        solved = self._solve(seen, depth, fine)
+        solved = self._solve(observation, depth, fine)
 
         attention = torch.sigmoid(self.attend(hidden))
-        object_cells = functional.max_pool2d(seen.mask, 4)
+        object_cells = functional.max_pool2d(observation.mask, 4)
         pooled = torch.cat(
             [
                 attention_pool(hidden, attention),
@@ -173,28 +175,31 @@ class CorrelationNet(nn.Module):
             1,
         )
         values = self.head(pooled)
-        counts = solved + values[:, :6] * _HEAD_SCALE
+        delta = solved + values[:, :6] * _HEAD_SCALE
         confidence = values[:, 19]
-        decision = Decision(values[:, 6:19], counts, torch.sigmoid(confidence), attention)
+        prediction = PolicyOutput(values[:, 6:19], delta, torch.sigmoid(confidence), attention)
         return CorrelationOutput(
-            matching.flatten(2).mT, coarse, fine, solved, confidence, decision
-        )  # fmt: skip
+            matching.flatten(2).mT, coarse, fine, solved, confidence, prediction
+        )
 
-    def _solve(self, seen: Observation, depth: Tensor, cells: CellAnswer) -> Tensor:
-        """The six counts (B, 6) that the cells' answers amount to."""
-        points = surface_points(depth, seen.distance, self.fine_pixels)
-        covered = seen.mask[:, 0, self.fine_pixels[:, 1], self.fine_pixels[:, 0]]
+    def _solve(self, observation: Observation, depth: Tensor, cells: DensePrediction) -> Tensor:
+        """The pose delta (B, 6) that fits the dense predictions."""
+        points = surface_points(depth, observation.distance, self.fine_pixels)
+        covered = observation.mask[:, 0, self.fine_pixels[:, 1], self.fine_pixels[:, 0]]
         weight = torch.sigmoid(cells.weight).flatten(1) * covered
         moves = cells.displacement.flatten(2).mT
-        slopes = jacobian(points, seen.distance)
-        return solve_counts(
-            moves, weight, cells.shape.flatten(2).mT, slopes, self.damping.exp()
-        )  # fmt: skip
+        slopes = jacobian(points, observation.distance)
+        return solve_delta(moves, weight, cells.shape.flatten(2).mT, slopes, self.damping.exp())
 
     def _refine(
-        self, shared4: Tensor, geometry4: Tensor, hidden: Tensor, coarse: CellAnswer, batch: int
-    ) -> tuple[CellAnswer, Tensor]:
-        """Match again at stride 4 around the coarse answer. METHOD 9e."""
+        self,
+        shared4: Tensor,
+        geometry4: Tensor,
+        hidden: Tensor,
+        coarse: DensePrediction,
+        batch: int,
+    ) -> tuple[DensePrediction, Tensor]:
+        """Match again at stride 4 around the coarse answer."""
         matched = centred(self.fine_match(shared4))
         image4 = functional.normalize(matched[:batch], dim=1)
         render4 = functional.normalize(matched[batch:], dim=1)
@@ -207,8 +212,10 @@ class CorrelationNet(nn.Module):
         # The image's own features too: behind an outline the rendering has nothing to compare with.
         context = self.fine_context(side_by_side(matched[batch:], warped * 2, geometry4, wide))
         fine = self.fine_decode(side_by_side(correlation * 4, start / 16, context))
-        return _cells(self.fine_answer(fine), start, 4.0), fine
+        return _dense_prediction(self.fine_answer(fine), start, 4.0), fine
 
 
-def _cells(values: Tensor, start: Tensor, stride: float) -> CellAnswer:
-    return CellAnswer(start + values[:, :2] * stride, values[:, 2], values[:, 3], values[:, 4:])
+def _dense_prediction(values: Tensor, start: Tensor, stride: float) -> DensePrediction:
+    return DensePrediction(
+        start + values[:, :2] * stride, values[:, 2], values[:, 3], values[:, 4:]
+    )

@@ -17,9 +17,9 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from ..observation import Observation
 from .action_net import ActionNet
+from .bfloat16 import Bfloat16Convolutions
 from .correlation import CorrelationNet
-from .decision import Decision
-from .narrow import Narrow
+from .policy_output import PolicyOutput
 
 # Batches up to this size are traced, one trace a size; in larger ones Python's share is small.
 TRACED = 4
@@ -39,7 +39,7 @@ def is_bfloat16_fast() -> bool:
 
 
 class InferenceNetwork:
-    """Observation → decision without gradients.
+    """Observation → prediction without gradients.
 
     Batch normalisation is folded into the convolutions, which compute with the numbers that
     `compute` names: `auto` is bfloat16 where `is_bfloat16_fast`. Small batches, where a third of
@@ -48,19 +48,25 @@ class InferenceNetwork:
 
     def __init__(self, network: CorrelationNet | ActionNet, compute: Compute = "auto") -> None:
         network = folded(network)
-        self.is_narrow = compute == "bfloat16" or (compute == "auto" and is_bfloat16_fast())
-        if self.is_narrow:
-            _narrow(network)
+        self.is_bfloat16 = compute == "bfloat16" or (compute == "auto" and is_bfloat16_fast())
+        if self.is_bfloat16:
+            _to_bfloat16(network)
         self.folded = _Plain(network).eval()
         self._traces: dict[int, Callable[..., Answer]] = {}
 
     @torch.inference_mode()
-    def __call__(self, seen: Observation) -> Decision:
+    def __call__(self, observation: Observation) -> PolicyOutput:
         """Decide for a batch."""
-        tensors = (seen.image, seen.rendering, seen.depth, seen.mask, seen.distance)
-        run = self._trace(tensors) if len(seen) <= TRACED else self.folded
-        logits, confidence, attention, *counts = run(*tensors)
-        return Decision(logits, counts[0] if counts else None, confidence, attention)
+        tensors = (
+            observation.image,
+            observation.rendering,
+            observation.depth,
+            observation.mask,
+            observation.distance,
+        )
+        run = self._trace(tensors) if len(observation) <= TRACED else self.folded
+        logits, confidence, attention, *delta = run(*tensors)
+        return PolicyOutput(logits, delta[0] if delta else None, confidence, attention)
 
     def _trace(self, tensors: tuple[Tensor, ...]) -> Callable[..., Answer]:
         size = len(tensors[0])
@@ -77,7 +83,7 @@ class InferenceNetwork:
 
 
 class _Plain(nn.Module):
-    """Tensors in and out, as a trace needs it: logits, confidence, attention, perhaps counts."""
+    """Tensors in and out, as a trace needs it: logits, confidence, attention, perhaps a delta."""
 
     def __init__(self, network: CorrelationNet | ActionNet) -> None:
         super().__init__()
@@ -86,20 +92,20 @@ class _Plain(nn.Module):
     def forward(
         self, image: Tensor, rendering: Tensor, depth: Tensor, mask: Tensor, distance: Tensor
     ) -> Answer:
-        seen = Observation(image, rendering, depth, mask, distance)
-        answer = self.network(seen)
-        decision = answer[0] if isinstance(self.network, ActionNet) else answer.decision
-        parts = (decision.logits, decision.confidence, decision.attention)
-        return parts if decision.counts is None else (*parts, decision.counts)
+        observation = Observation(image, rendering, depth, mask, distance)
+        answer = self.network(observation)
+        prediction = answer[0] if isinstance(self.network, ActionNet) else answer.prediction
+        parts = (prediction.logits, prediction.confidence, prediction.attention)
+        return parts if prediction.delta is None else (*parts, prediction.delta)
 
 
-def _narrow(network: nn.Module) -> None:
+def _to_bfloat16(network: nn.Module) -> None:
     """Replace the chains of convolutions, and single ones but of 1 × 1, which take no time."""
     for name, part in network.named_children():
         kinds = {type(module) for module in part.modules()}
         is_chain = isinstance(part, nn.Sequential) and nn.Conv2d in kinds and nn.Linear not in kinds
         if is_chain or (isinstance(part, nn.Conv2d) and part.kernel_size != (1, 1)):
-            setattr(network, name, Narrow(part))
+            setattr(network, name, Bfloat16Convolutions(part))
 
 
 def folded(network: Network) -> Network:

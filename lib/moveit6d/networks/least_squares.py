@@ -1,7 +1,7 @@
-"""From displacements of surface points to the six counts: closed-form Jacobian, weighted solve.
+"""From displacements of surface points to the pose delta: closed-form Jacobian, weighted solve.
 
 Never sees images. All lengths are in sphere diameters of the object, so that nothing here depends
-on its size; pixels are the patch's. METHOD 9b.
+on its size; pixels are the patch's.
 """
 
 from __future__ import annotations
@@ -45,18 +45,18 @@ def project_points(points: Tensor, distance: Tensor) -> Tensor:
 
 
 def move_points(
-    points: Tensor, distance: Tensor, counts: Tensor, direction: Tensor | None = None
+    points: Tensor, distance: Tensor, delta: Tensor, direction: Tensor | None = None
 ) -> Tensor:
-    """Surface points (B, M, 3) after the move (B, 6), as `PoseAction.apply` moves the object.
+    """Surface points (B, M, 3) after a pose delta (B, 6), as `PoseAction.apply_centred` has it.
 
     In an axis-parallel view `direction` (B, 2) is x / z and y / z of the object's centre. Points
     are then those of `surface_points` still: as if the centre stood straight ahead (`slanted`).
     """
-    depth = distance * OBJECT_SIZE / (OBJECT_SIZE + counts[:, 2])
+    depth = distance * OBJECT_SIZE / (OBJECT_SIZE + delta[:, 2])
     metres = depth / (OBJECT_SIZE * distance)
-    goal = torch.stack([counts[:, 0] * metres, counts[:, 1] * metres, depth], -1)
+    goal = torch.stack([delta[:, 0] * metres, delta[:, 1] * metres, depth], -1)
     start = torch.stack([torch.zeros_like(distance), torch.zeros_like(distance), distance], -1)
-    rotation = exp_so3(counts[:, 3:] * _DEGREE)
+    rotation = exp_so3(delta[:, 3:] * _DEGREE)
     around = points - start[:, None]
     if direction is None:
         return around @ rotation.mT + goal[:, None]
@@ -74,7 +74,7 @@ def slanted(vectors: Tensor, direction: Tensor) -> Tensor:
 
 
 def jacobian(points: Tensor, distance: Tensor) -> Tensor:
-    """Derivative of each point's pixel by the six counts at zero: (B, M, 2, 6)."""
+    """Derivative of each point's pixel by the pose delta at zero: (B, M, 2, 6)."""
     x, y, z = points.unbind(-1)
     rho = distance[:, None].expand_as(x)
     focal = OBJECT_SIZE * rho
@@ -84,10 +84,22 @@ def jacobian(points: Tensor, distance: Tensor) -> Tensor:
     zero = torch.zeros_like(x)
     turn = focal / z * _DEGREE
     # A turn moves the point by w × (point − centre); its z part changes the pixel through u / z.
-    du = [near, zero, u * near / OBJECT_SIZE,
-          -u * y / z * _DEGREE, turn * deep + u * x / z * _DEGREE, -turn * y]  # fmt: skip
-    dv = [zero, near, v * near / OBJECT_SIZE,
-          -turn * deep - v * y / z * _DEGREE, v * x / z * _DEGREE, turn * x]  # fmt: skip
+    du = [
+        near,
+        zero,
+        u * near / OBJECT_SIZE,
+        -u * y / z * _DEGREE,
+        turn * deep + u * x / z * _DEGREE,
+        -turn * y,
+    ]
+    dv = [
+        zero,
+        near,
+        v * near / OBJECT_SIZE,
+        -turn * deep - v * y / z * _DEGREE,
+        v * x / z * _DEGREE,
+        turn * x,
+    ]
     return torch.stack([torch.stack(du, -1), torch.stack(dv, -1)], -2)
 
 
@@ -105,14 +117,18 @@ def precision(shape: Tensor) -> Tensor:
     return torch.stack(rows, -2)
 
 
-def solve_counts(
-    displacement: Tensor, weight: Tensor, shape: Tensor, matrix: Tensor, damping: Tensor,
+def solve_delta(
+    displacement: Tensor,
+    weight: Tensor,
+    shape: Tensor,
+    matrix: Tensor,
+    damping: Tensor,
     limit: float = 40.0,
-) -> Tensor:  # fmt: skip
-    """Counts (B, 6) whose first-order displacement fits best.
+) -> Tensor:
+    """Pose delta (B, 6) whose first-order displacement fits best.
 
     `displacement` (B, M, 2) pixels, `weight` (B, M) ≥ 0, `shape` (B, M, 2) as `precision` takes it,
-    `matrix` (B, M, 2, 6) from `jacobian`, `damping` (6,) a prior that the counts are small.
+    `matrix` (B, M, 2, 6) from `jacobian`, `damping` (6,) a prior that the delta is small.
     Differentiable in all of them.
     """
     total = weight.sum(1)[:, None, None].clamp_min(1e-6)
@@ -124,5 +140,5 @@ def solve_counts(
     flat = matrix.flatten(1, 2)
     normal = weighted.mT @ flat / total + torch.diag(damping)
     right = weighted.mT @ displacement.flatten(1)[..., None] / total
-    counts: Tensor = torch.linalg.solve(normal, right)[..., 0]
-    return counts.clamp(-limit, limit)
+    delta: Tensor = torch.linalg.solve(normal, right)[..., 0]
+    return delta.clamp(-limit, limit)

@@ -122,15 +122,15 @@ def _config(header: dict[str, str], config_class: type[Any], count: int) -> Any:
 def begin_from(network: CorrelationNet | ActionNet, path: Path) -> None:
     """Give a network the weights of a file, of a network of the same sizes or a shallower one.
 
-    What it has beyond that (`CorrelationConfig.deeper`) stays as it is, which is an identity in a
-    new network. What it is shown (`use_depth`, `crop`) may differ. Raises `WeightsError` if the
-    sizes do not fit.
+    What it has beyond that (`CorrelationConfig.extra_blocks`) stays as it is, which is an identity
+    in a new network. What it is shown (`use_depth`, `crop`) may differ. Raises `WeightsError` if
+    the sizes do not fit.
     """
     known = load_network(path).network
     fits = type(known) is type(network)
     if fits:
         mine, theirs = network.state_dict(), known.state_dict()
-        new = {name for name in mine.keys() - theirs.keys() if ".deeper." not in name}
+        new = {name for name in mine.keys() - theirs.keys() if ".extra_blocks." not in name}
         fits = not new and not theirs.keys() - mine.keys()
         fits = fits and all(mine[name].shape == value.shape for name, value in theirs.items())
     if not fits:

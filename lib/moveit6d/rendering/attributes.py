@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.mesh import Mesh
+from ..typing import Float32
 from .texture import MipMap
-
-Float = NDArray[np.float32]
 
 
 class Attributes:
@@ -46,8 +45,8 @@ class Attributes:
         return attributes
 
     def at(
-        self, face: NDArray[np.intp], u: Float, v: Float, rays: Float, rotation: Float
-    ) -> tuple[Float, Float]:
+        self, face: NDArray[np.intp], u: Float32, v: Float32, rays: Float32, rotation: Float32
+    ) -> tuple[Float32, Float32]:
         """Normals (3, N), camera frame, and values for `colour` (N, C − 3).
 
         The point on face (N,) is corner 0 + u·(corner 1 − corner 0) + v·(corner 2 − corner 0); it
@@ -61,7 +60,7 @@ class Attributes:
         return _turned(rotation @ values[:3], rays, behind), values[3:].T
 
     def colour(
-        self, values: Float, intrinsics: NDArray[np.float64], depth: float
+        self, values: Float32, intrinsics: NDArray[np.float64], depth: float
     ) -> NDArray[np.uint8]:
         """RGB (N, 3) of the values that `at` gave, for pixels of an object at this depth."""
         if self._texture is None:
@@ -73,7 +72,7 @@ class Attributes:
 _KEPT: WeakKeyDictionary[Mesh, Attributes] = WeakKeyDictionary()
 
 
-def pixel_rays(pixel: NDArray[np.intp], intrinsics: NDArray[np.float64], size: int) -> Float:
+def pixel_rays(pixel: NDArray[np.intp], intrinsics: NDArray[np.float64], size: int) -> Float32:
     """Rays (3, N) through the centres of a patch's pixels, given by flat indices; z is 1."""
     (fx, skew, cx), (_, fy, cy) = intrinsics[:2]
     rays = np.ones((3, len(pixel)), np.float32)
@@ -83,7 +82,7 @@ def pixel_rays(pixel: NDArray[np.intp], intrinsics: NDArray[np.float64], size: i
     return rays
 
 
-def _turned(normals: Float, rays: Float, behind: NDArray[Any]) -> Float:
+def _turned(normals: Float32, rays: Float32, behind: NDArray[Any]) -> Float32:
     """Unit normals (3, N) on the camera's side of the surface.
 
     Those of faces seen from `behind` are negated. Near the outline a smooth normal may still look

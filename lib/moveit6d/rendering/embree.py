@@ -17,10 +17,11 @@ from ..errors import RenderingUnavailable
 from ..geometry.hull import enclosing_corners
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from .attributes import Attributes, Float, pixel_rays
+from ..typing import Float32
+from .attributes import Attributes, pixel_rays
 from .renderer import PATCH, GBuffer, check_batch, gather
 
-Arrays = tuple[NDArray[np.uint8], Float, Float]
+Arrays = tuple[NDArray[np.uint8], Float32, Float32]
 
 
 class EmbreeRenderer:
@@ -96,8 +97,8 @@ class _Tree:
         return tree
 
     def cast(
-        self, rays: Float, turn: NDArray[np.float64], place: NDArray[np.float64]
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp], Float, Float, Float]:
+        self, rays: Float32, turn: NDArray[np.float64], place: NDArray[np.float64]
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp], Float32, Float32, Float32]:
         """Follow rays (3, M), z = 1, from the camera to the object at that pose.
 
         Returns, for the N rays that meet it: which ray, which face, u and v on it, and the depth.

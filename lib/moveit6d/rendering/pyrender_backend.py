@@ -23,7 +23,8 @@ from torch import Tensor
 from ..errors import RenderingUnavailable
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from .attributes import Attributes, Float, pixel_rays
+from ..typing import Float32
+from .attributes import Attributes, pixel_rays
 from .renderer import PATCH, GBuffer, check_batch, gather
 
 VARIABLE = "PYOPENGL_PLATFORM"  # where PyOpenGL and pyrender look for "egl" or "osmesa"
@@ -32,7 +33,7 @@ HELP = (
     "On Debian or Ubuntu install libegl1 and libgl1 (EGL, with or without a graphics card), or "
     "libosmesa6. The default renderer, embree, needs none of them."
 )
-Arrays = tuple[NDArray[np.uint8], Float, Float]
+Arrays = tuple[NDArray[np.uint8], Float32, Float32]
 
 
 class PyrenderRenderer:
@@ -89,7 +90,7 @@ class PyrenderRenderer:
         translation: NDArray[np.float64],
         intrinsics: NDArray[np.float64],
         size: int,
-    ) -> tuple[NDArray[np.intp], Float]:
+    ) -> tuple[NDArray[np.intp], Float32]:
         """For each pixel (H·W) the face that it sees, or −1, and the depth."""
         reach = 0.51 * mesh.sphere_diameter
         far = float(translation[2]) + reach
@@ -126,7 +127,7 @@ class PyrenderRenderer:
             other.mesh.is_visible = other is node
         return node
 
-    def _pass(self, size: int) -> tuple[NDArray[np.uint8], Float]:
+    def _pass(self, size: int) -> tuple[NDArray[np.uint8], Float32]:
         offscreen = self._offscreen
         offscreen.viewport_width = offscreen.viewport_height = size
         with _environment(self.platform), _one_sample():
@@ -137,10 +138,10 @@ class PyrenderRenderer:
 def _barycentric(
     mesh: Mesh,
     face: NDArray[np.intp],
-    rays: Float,
+    rays: Float32,
     rotation: NDArray[np.float64],
     translation: NDArray[np.float64],
-) -> tuple[Float, Float]:
+) -> tuple[Float32, Float32]:
     """Where rays (3, N) from the camera meet the planes of faces (N,): u and v, each (N,).
 
     Kept inside of the face, which OpenGL may leave by a rounding error.

@@ -27,7 +27,7 @@ class Curves:
     frames: Sequence[int]
     error: Sequence[float]
     confidence: Sequence[float]
-    steps: Sequence[float]
+    iterations: Sequence[float]
     missing: Sequence[int]
     resets: Sequence[int]
 
@@ -38,15 +38,19 @@ def curves_svg(curves: Curves, doubtful: float) -> str:
     from matplotlib.figure import Figure
 
     drawn = {
-        "ADD, % of d": curves.error, "confidence": curves.confidence, "steps": curves.steps,
-    }  # fmt: skip
+        "ADD, % of d": curves.error,
+        "confidence": curves.confidence,
+        "iterations": curves.iterations,
+    }
     drawn = {name: values for name, values in drawn.items() if not all(map(math.isnan, values))}
     if not drawn:
         return ""
     settings: Any = {
-        "svg.fonttype": "none", "svg.hashsalt": "moveit6d", "font.family": "sans-serif",
+        "svg.fonttype": "none",
+        "svg.hashsalt": "moveit6d",
+        "font.family": "sans-serif",
         "font.size": 9,
-    }  # fmt: skip
+    }
     with matplotlib.rc_context(settings):
         height = SIZE[1] * len(drawn) + 0.4
         figure = Figure(figsize=(SIZE[0], height))
@@ -81,7 +85,7 @@ def _draw(axis: Any, name: str, values: Sequence[float], curves: Curves, doubtfu
         axis.axvspan(first - 0.5, last + 0.5, color=ORANGE, alpha=0.25, linewidth=0)
     for frame in curves.resets:
         axis.axvline(frame, color=GREY, linewidth=0.8, linestyle=":")
-    if name == "steps":
+    if name == "iterations":
         axis.step(curves.frames, values, where="mid", color=INK, linewidth=1.0)
         axis.set_ylim(0, None)
         return

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..evaluation.reproduce.outcome import BarChart, Chart, LineChart, Panel, Sheet
 from ..io import replacing
+from .charts import BarChart, Chart, LineChart, Panel, Sheet
 
 KINDS = ("png", "svg")
 DOTS_AN_INCH = 130
@@ -94,8 +94,9 @@ def _bars(axes: Any, chart: BarChart) -> None:
         color = COLORS[number % len(COLORS)]
         axes.bar(places + offset, heights, width, label=name, color=color)
     many = len(chart.categories) > 6
-    axes.set_xticks(places, chart.categories, rotation=60 if many else 0,
-                    ha="right" if many else "center")  # fmt: skip
+    axes.set_xticks(
+        places, chart.categories, rotation=60 if many else 0, ha="right" if many else "center"
+    )
     axes.set_ylabel(chart.y_label)
     axes.grid(axis="x", visible=False)
     axes.legend(loc="upper left", bbox_to_anchor=(0, -0.02 if not many else 1.25), ncols=4)
@@ -137,8 +138,12 @@ def _picture(figure: Any, axes: Any, panel: Panel) -> None:
         axes.plot(x, y, "+", color="#ff2020", markersize=14, markeredgewidth=2, label=label)
     if panel.box is not None:
         left, top, right, bottom = panel.box
-        axes.plot([left, right, right, left, left], [top, top, bottom, bottom, top],
-                  color="#ff2020", linewidth=1.5)  # fmt: skip
+        axes.plot(
+            [left, right, right, left, left],
+            [top, top, bottom, bottom, top],
+            color="#ff2020",
+            linewidth=1.5,
+        )
     if color:
         axes.set_xlim(-0.5, panel.picture.shape[1] - 0.5)
         axes.set_ylim(panel.picture.shape[0] - 0.5, -0.5)

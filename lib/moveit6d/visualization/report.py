@@ -29,7 +29,7 @@ STILLS = 12  # pictures of the way, and of the worst frames
 WRONG = 0.10  # share of the diameter: errors above it are shown as bad
 
 
-class Errors(Protocol):
+class PoseErrors(Protocol):
     """The errors of one frame: ADD and origin in metres, rotation in degrees; infinite: no pose."""
 
     @property
@@ -62,7 +62,7 @@ class Run:
     rows: Mapping[int, PoseRow]
     facts: Mapping[str, str] = field(default_factory=dict)
     truth: Mapping[int, Pose] = field(default_factory=dict)
-    errors: Mapping[int, Errors] = field(default_factory=dict)
+    errors: Mapping[int, PoseErrors] = field(default_factory=dict)
     failures: Mapping[int, str] = field(default_factory=dict)
     doubtful: float = 0.5
 
@@ -110,12 +110,14 @@ def report_page(run: Run, renderer: Renderer) -> str:
     if not frames:
         raise InputError("a report needs at least one frame.")
     # Beyond a diameter it does not matter how far: the moment of losing it comes before the end.
-    lost = {frame: min(value, 1.0) if value < math.inf else value
-            for frame, value in run.badness.items()}  # fmt: skip
+    lost = {
+        frame: min(value, 1.0) if value < math.inf else value
+        for frame, value in run.badness.items()
+    }
     way, bad = evenly(frames, STILLS), worst(lost, STILLS)
     whole, close = _pictures(run, set(way), set(bad), renderer)
     curves = _curves(run, frames)
-    return html_template.fill(
+    return html_template.render_page(
         title=run.title,
         verdict=run.verdict,
         facts=run.facts,
@@ -143,7 +145,7 @@ def index_page(title: str, verdict: str, text: str, table: Mapping[str, Any]) ->
     rows = [{"bad": False, "cells": cells(row)} for row in table["rows"]]
     head = cells(table["head"])
     shown = {"heading": table["heading"], "frames": False, "head": head, "rows": rows}
-    return html_template.fill(title=title, verdict=verdict, text=text, tables=[shown])
+    return html_template.render_page(title=title, verdict=verdict, text=text, tables=[shown])
 
 
 def _pictures(
@@ -172,8 +174,11 @@ def _picture(
     if closely and image is not None:
         drawn = near(drawn, look, run.mesh, run.camera)
     return {
-        "frame": frame, "data": as_data(drawn), "bad": run.bad(frame), "caption": _says(run, frame),
-    }  # fmt: skip
+        "frame": frame,
+        "data": as_data(drawn),
+        "bad": run.bad(frame),
+        "caption": _says(run, frame),
+    }
 
 
 def _says(run: Run, frame: int) -> str:
@@ -186,8 +191,8 @@ def _says(run: Run, frame: int) -> str:
         words.append(run.failures.get(frame, "no pose"))
     if row.confidence is not None:
         words.append(f"confidence {row.confidence:.2f}")
-    if row.steps is not None:
-        words.append("1 step" if row.steps == 1 else f"{row.steps} steps")
+    if row.iterations is not None:
+        words.append("1 step" if row.iterations == 1 else f"{row.iterations} steps")
     if row.stopped_by:
         words.append(row.stopped_by)
     return ", ".join(words) if words else "given"
@@ -202,7 +207,7 @@ def _curves(run: Run, frames: Sequence[int]) -> Curves:
             for frame in frames
         ],
         confidence=[math.nan if row.confidence is None else row.confidence for row in rows],
-        steps=[math.nan if row.steps is None else row.steps for row in rows],
+        iterations=[math.nan if row.iterations is None else row.iterations for row in rows],
         missing=[row.frame for row in rows if row.pose is None],
         resets=[row.frame for row in rows if row.reset],
     )
@@ -224,18 +229,22 @@ def _near_key(run: Run) -> str:
 def _table(run: Run) -> dict[str, Any]:
     """Every frame, the worst first."""
     truth = ["ADD mm", "ADD % d", "origin mm", "rotation °"] if run.errors else []
-    head = ["frame", *truth, "confidence", "steps", "stopped by", "ms", "what happened"]
+    head = ["frame", *truth, "confidence", "iterations", "stopped by", "ms", "what happened"]
     order = sorted(run.rows, key=lambda frame: (-run.badness[frame], frame))
     rows = []
     for frame in order:
         row = run.rows[frame]
         cells = [str(frame), *(_errors(run, frame) if truth else [])]
-        cells += [_number(row.confidence, 2), _number(row.steps, 0), row.stopped_by]
+        cells += [_number(row.confidence, 2), _number(row.iterations, 0), row.stopped_by]
         cells += [_number(row.milliseconds, 1), _happened(run, row)]
         rows.append(
-            {"frame": frame, "bad": run.bad(frame), "says": f"frame {frame}: {_says(run, frame)}",
-             "cells": _texts(cells, head)}
-        )  # fmt: skip
+            {
+                "frame": frame,
+                "bad": run.bad(frame),
+                "says": f"frame {frame}: {_says(run, frame)}",
+                "cells": _texts(cells, head),
+            }
+        )
     return {"heading": "Every frame", "frames": True, "head": _texts(head, head), "rows": rows}
 
 
@@ -246,8 +255,12 @@ def _errors(run: Run, frame: int) -> list[str]:
         return ["no pose", "", "", ""]
     error = run.errors[frame]
     share = 100 * error.add / run.mesh.diameter
-    return [f"{1000 * error.add:.1f}", f"{share:.1f}", f"{1000 * error.translation:.1f}",
-            f"{error.rotation:.2f}"]  # fmt: skip
+    return [
+        f"{1000 * error.add:.1f}",
+        f"{share:.1f}",
+        f"{1000 * error.translation:.1f}",
+        f"{error.rotation:.2f}",
+    ]
 
 
 def _happened(run: Run, row: PoseRow) -> str:

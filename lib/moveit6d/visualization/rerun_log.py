@@ -23,7 +23,7 @@ from ..geometry.pose import Pose
 from ..io import replacing
 
 OBJECT, TRUTH, VIEW = "camera/object", "camera/truth", "camera/image"
-CURVES = ("confidence", "steps", "milliseconds")
+CURVES = ("confidence", "iterations", "milliseconds")
 JPEG_QUALITY = 85
 
 

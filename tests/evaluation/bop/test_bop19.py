@@ -191,8 +191,12 @@ def test_vsd_tells_near_from_far(dataset: BopDataset, renderer: Renderer) -> Non
 
 def test_targets_from_a_file_and_without(dataset: BopDataset, tmp_path: Path) -> None:
     listed = targets_of(dataset)
-    assert [(t.image, t.object, t.count) for t in listed] == [(1, 1, 2), (1, 2, 1), (2, 1, 1),
-                                                             (2, 2, 1)]  # fmt: skip
+    assert [(t.image, t.object, t.count) for t in listed] == [
+        (1, 1, 2),
+        (1, 2, 1),
+        (2, 1, 1),
+        (2, 2, 1),
+    ]
     assert has_depth(dataset, listed)
     path = dataset.root / "test_targets_bop19.json"
     text = path.read_text()

@@ -9,22 +9,22 @@ from typing import Any
 import pytest
 import torch
 
-from moveit6d.actions import difference
+from moveit6d.actions import pose_delta
 from moveit6d.datasets.sequences import Sequence, read_sequences
 from moveit6d.errors import InputError
 from moveit6d.evaluation.reproduce.convergence import (
+    ConvergenceTrial,
     Plan,
     Reading,
-    Trial,
     deviate,
     frames_of,
-    outcome,
+    reproduction,
     run,
     share_of_frames,
     units,
 )
 from moveit6d.geometry.pose import Pose
-from moveit6d.policies import MoveMode, OraclePolicy
+from moveit6d.policies import ActionMode, OraclePolicy
 from moveit6d.rendering.renderer import make_renderer
 
 SIZE = 0.2
@@ -36,7 +36,7 @@ def video(make_sequence: Callable[..., Any]) -> Sequence:
     return read_sequences(make_sequence("easy_00", frames=4, still=True).folder)[0]
 
 
-def oracle(video: Sequence, mode: MoveMode) -> OraclePolicy:
+def oracle(video: Sequence, mode: ActionMode) -> OraclePolicy:
     inner = video.load_mesh().inner(video.start)
     return OraclePolicy(Pose.stack([inner] * 16), mode)
 
@@ -54,10 +54,10 @@ def test_a_deviation_is_that_many_unit_actions() -> None:
         signs = torch.zeros(1, 6).double()
         signs[0, axis] = sign
         moved = deviate(PLACE, signs, [7], SIZE)
-        counts = difference(PLACE, moved, diameter)[0]
+        delta = pose_delta(PLACE, moved, diameter)[0]
         expected = 7 * signs[0]
         tolerance = 0.2 if axis < 2 else 1e-6  # the patch turns with the object
-        torch.testing.assert_close(counts, expected, atol=tolerance, rtol=0.02)
+        torch.testing.assert_close(delta, expected, atol=tolerance, rtol=0.02)
 
 
 def test_any_number_of_steps_away_stays_before_the_camera() -> None:
@@ -79,32 +79,32 @@ def test_a_start_that_is_not_moved_stays() -> None:
 
 
 def test_an_oracle_comes_back_and_needs_more_steps_from_farther(video: Sequence) -> None:
-    plan = Plan(ms=(0, 6, 12), readings=(Reading.TOTAL,), frames=2, max_steps=200)
+    plan = Plan(ms=(0, 6, 12), readings=(Reading.TOTAL,), frames=2, max_iterations=200)
     trials = [
         trial
-        for found in run(video, oracle(video, MoveMode.SINGLE), make_renderer(), plan)
+        for found in run(video, oracle(video, ActionMode.SINGLE), make_renderer(), plan)
         for trial in found
     ]
     assert len(trials) == 6 and all(trial.right for trial in trials)
-    steps = {m: [t.steps for t in trials if t.m == m] for m in plan.ms}
-    assert max(steps[0]) == 1 and max(steps[6]) < min(steps[12])
+    iterations = {m: [t.iterations for t in trials if t.m == m] for m in plan.ms}
+    assert max(iterations[0]) == 1 and max(iterations[6]) < min(iterations[12])
     # Steps of three: six axes of m units each are 2 m actions.
-    assert min(steps[12]) >= 20 and max(steps[12]) <= 40
+    assert min(iterations[12]) >= 20 and max(iterations[12]) <= 40
     before = {m: min(t.before for t in trials if t.m == m) for m in plan.ms}
     assert before[0] < 1e-9 < before[6] < before[12]
 
 
 def test_the_limit_of_steps_is_a_failure(video: Sequence) -> None:
-    plan = Plan(ms=(12,), readings=(Reading.TOTAL,), frames=1, max_steps=5)
-    policy = oracle(video, MoveMode.SINGLE)
+    plan = Plan(ms=(12,), readings=(Reading.TOTAL,), frames=1, max_iterations=5)
+    policy = oracle(video, ActionMode.SINGLE)
     ((trial,),) = run(video, policy, make_renderer(), plan)
-    assert trial.steps == 5 and trial.after == float("inf") and not trial.right
+    assert trial.iterations == 5 and trial.after == float("inf") and not trial.right
 
 
 def test_a_start_out_of_sight_is_not_run(video: Sequence) -> None:
     plan = Plan(ms=(45,), readings=(Reading.FORMULA,), frames=1)
-    ((trial,),) = run(video, oracle(video, MoveMode.ALL_AXES), make_renderer(), plan)
-    assert trial.steps == 0 and trial.before == float("inf")
+    ((trial,),) = run(video, oracle(video, ActionMode.ALL_AXES), make_renderer(), plan)
+    assert trial.iterations == 0 and trial.before == float("inf")
 
 
 def test_frames_are_thinned_as_in_the_paper(video: Sequence) -> None:
@@ -120,11 +120,11 @@ def test_frames_are_thinned_as_in_the_paper(video: Sequence) -> None:
 
 def test_the_table_has_the_stated_point_and_steps_of_the_right_ones_only() -> None:
     trials = [
-        Trial(Reading.TOTAL, 12, 0, 0.7, 0.01, 30),
-        Trial(Reading.TOTAL, 12, 1, 0.5, 0.4, 90),
-        Trial(Reading.FORMULA, 12, 0, float("inf"), float("inf"), 0),
+        ConvergenceTrial(Reading.TOTAL, 12, 0, 0.7, 0.01, 30),
+        ConvergenceTrial(Reading.TOTAL, 12, 1, 0.5, 0.4, 90),
+        ConvergenceTrial(Reading.FORMULA, 12, 0, float("inf"), float("inf"), 0),
     ]
-    table = outcome(trials, "stand-in", {}).tables[0]
+    table = reproduction(trials, "surrogate", {}).tables[0]
     rows = [dict(zip(table.head, row, strict=True)) for row in table.rows]
     assert rows[0]["reading"] == "formula" and rows[0]["ADD<10%d"] == 0.0
     assert rows[0]["start ADD % d"] is None and rows[0]["steps where right"] is None

@@ -1,4 +1,4 @@
-"""Data are called what they are: a stand-in unless they are the published set."""
+"""Data are called what they are: a surrogate unless they are the published set."""
 
 import json
 from collections.abc import Callable
@@ -32,14 +32,14 @@ def test_the_published_ycbv_is_recognised(tmp_path: Path) -> None:
     folder = a_published_ycbv(tmp_path / "ycb")
     assert describe(folder, "ycbv") == "YCB-Video as published, folder ycb"
     (folder / "models" / ycbv.OBJECTS[3] / "points.xyz").unlink()
-    assert describe(folder, "ycbv").startswith("stand-in (in YCB-Video's format, not recognised")
+    assert describe(folder, "ycbv").startswith("surrogate (in YCB-Video's format, not recognised")
 
 
 def test_what_says_that_it_was_made_is_never_published(tmp_path: Path) -> None:
     folder = a_published_ycbv(tmp_path / "ycb")
-    (folder / "stand_in.json").write_text(json.dumps({"what": "stand-in for YCB-Video"}))
+    (folder / "surrogate.json").write_text(json.dumps({"what": "surrogate for YCB-Video"}))
     assert not is_published(folder, "ycbv")
-    assert describe(folder, "ycbv") == "stand-in for YCB-Video, folder ycb"
+    assert describe(folder, "ycbv") == "surrogate for YCB-Video, folder ycb"
 
 
 def test_the_published_laval_has_all_objects(tmp_path: Path) -> None:
@@ -48,11 +48,11 @@ def test_the_published_laval_has_all_objects(tmp_path: Path) -> None:
         (tmp_path / f"{item}_occlusion_0" / "poses.npy").touch()
     assert describe(tmp_path, "laval").startswith("Laval as published")
     (tmp_path / "dog_occlusion_0" / "poses.npy").unlink()
-    assert describe(tmp_path, "laval").startswith("stand-in (in Laval's format")
+    assert describe(tmp_path, "laval").startswith("surrogate (in Laval's format")
 
 
 def test_own_sequences_are_a_stand_in(tmp_path: Path) -> None:
-    assert describe(tmp_path, "folders").startswith("stand-in (sequence folders")
+    assert describe(tmp_path, "folders").startswith("surrogate (sequence folders")
 
 
 def test_sequences_are_chosen_by_name(make_sequence: Callable[..., Any]) -> None:

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from moveit6d.datasets.sequences import Sequence, read_sequences
 from moveit6d.errors import InputError
 from moveit6d.evaluation.reproduce import laval
-from moveit6d.evaluation.reproduce.tracks import Track
+from moveit6d.evaluation.reproduce.tracks import ScoredTrack
 from moveit6d.geometry.pose import Pose
 
 
@@ -24,17 +24,19 @@ def video(make_sequence: Callable[..., Any]) -> Sequence:
     return replace(found, object="dog", group="occlusion_15")
 
 
-def a_track(video: Sequence, shift: float, vector: list[float], frames: int = 4) -> Track:
+def a_track(video: Sequence, shift: float, vector: list[float], frames: int = 4) -> ScoredTrack:
     """Every frame wrong by a shift (metres) along x and a turn (degrees)."""
     turn = torch.from_numpy(Rotation.from_rotvec(np.radians(vector)).as_matrix())
     truth = Pose.identity(frames)
     apart = torch.tensor([shift, 0, 0], dtype=torch.float64).expand(frames, 3)
     estimate = Pose(turn.expand(frames, 3, 3), apart)
-    return Track(video, tuple(range(frames)), estimate, truth, 0, (1,) * frames, (1.0,) * frames)
+    return ScoredTrack(
+        video, tuple(range(frames)), estimate, truth, 0, (1,) * frames, (1.0,) * frames
+    )
 
 
-def row(outcome: Any, name: str, kind: str) -> dict[str, Any]:
-    table = outcome.tables[0]
+def row(reproduction: Any, name: str, kind: str) -> dict[str, Any]:
+    table = reproduction.tables[0]
     line = next(one for one in table.rows if one[:2] == (name, kind))
     return dict(zip(table.head, line, strict=True))
 
@@ -42,30 +44,30 @@ def row(outcome: Any, name: str, kind: str) -> dict[str, Any]:
 def test_sides_are_merged_and_both_models_stand_beside_the_paper(video: Sequence) -> None:
     full = laval.measure([a_track(video, 0.01, [0, 0, 6]), a_track(video, 0.03, [0, 0, 12])])
     flat = laval.measure([a_track(video, 0.002, [30, 30, 30])])
-    outcome = laval.outcome({"full": full, "w/o depth": flat}, "stand-in", {})
-    shifts, turns = row(outcome, "dog", "T mm"), row(outcome, "dog", "R deg")
+    reproduction = laval.reproduction({"full": full, "w/o depth": flat}, "surrogate", {})
+    shifts, turns = row(reproduction, "dog", "T mm"), row(reproduction, "dog", "R deg")
     assert shifts["ours full 15 %"] == pytest.approx(20) and shifts["ours full 0 %"] is None
     assert turns["ours full 15 %"] == pytest.approx(9)
     assert shifts["ours w/o depth 15 %"] == pytest.approx(2)
     assert turns["ours w/o depth 15 %"] != pytest.approx(51.96, abs=0.5)  # not the angle
-    more = dict(zip(outcome.tables[1].head, outcome.tables[1].rows[-1], strict=True))
+    more = dict(zip(reproduction.tables[1].head, reproduction.tables[1].rows[-1], strict=True))
     assert more["mean angle deg"] == pytest.approx(51.96, abs=0.01)
     assert shifts["paper full 15 %"] == 28.37 and turns["paper w/o depth 45 %"] == 22.53
-    assert row(outcome, "clock", "T mm")["ours full 15 %"] is None
-    assert row(outcome, "mean of objects", "R deg")["ours full 15 %"] == pytest.approx(9)
-    assert row(outcome, "mean of objects", "T mm")["paper full 0 %"] == pytest.approx(11.43125)
+    assert row(reproduction, "clock", "T mm")["ours full 15 %"] is None
+    assert row(reproduction, "mean of objects", "R deg")["ours full 15 %"] == pytest.approx(9)
+    assert row(reproduction, "mean of objects", "T mm")["paper full 0 %"] == pytest.approx(11.43125)
 
 
 def test_charts_have_the_paper_and_what_there_is_of_ours(video: Sequence) -> None:
     figures = laval.measure([a_track(video, 0.01, [0, 0, 6])])
-    charts = laval.outcome({"full": figures}, "stand-in", {}).charts
+    charts = laval.reproduction({"full": figures}, "surrogate", {}).charts
     labels = [[curve.label for curve in chart.curves] for chart in charts]  # type: ignore[union-attr]
     assert labels == [["ours full", "paper full", "paper w/o depth"]] * 2
 
 
 def test_failures_are_counted_by_the_official_rule(video: Sequence) -> None:
     figures = laval.measure([a_track(video, 0.05, [0, 0, 0], frames=8)])
-    table = laval.outcome({"full": figures}, "stand-in", {}).tables[1]
+    table = laval.reproduction({"full": figures}, "surrogate", {}).tables[1]
     assert dict(zip(table.head, table.rows[0], strict=True))["failures"] == 1
 
 

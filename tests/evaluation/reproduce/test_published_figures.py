@@ -89,11 +89,18 @@ def test_everything_is_as_in_the_source(shared: Path) -> None:
                 rows[name[1].replace("\\_", "_")] = tuple(cells(line))
         assert rows.pop("Average") == table.averages
         assert rows == table.rows
-    numbers = [cells(line) for line in section(source, "tab:laval_additional")
-               if re.match(r"\s*[TR]\[", line)]  # fmt: skip
+    numbers = [
+        cells(line)
+        for line in section(source, "tab:laval_additional")
+        if re.match(r"\s*[TR]\[", line)
+    ]
     expected = [
-        [getattr(published.LAVAL[model, name, level], kind)
-         for model in published.LAVAL_MODELS for level in published.LAVAL_LEVELS]
-        for name in published.LAVAL_OBJECTS for kind in ("translation", "rotation")
-    ]  # fmt: skip
+        [
+            getattr(published.LAVAL[model, name, level], kind)
+            for model in published.LAVAL_MODELS
+            for level in published.LAVAL_LEVELS
+        ]
+        for name in published.LAVAL_OBJECTS
+        for kind in ("translation", "rotation")
+    ]
     assert numbers == expected

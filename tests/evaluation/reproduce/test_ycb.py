@@ -13,7 +13,7 @@ import torch
 from moveit6d.datasets.sequences import Sequence, read_sequences
 from moveit6d.evaluation.reproduce import published_figures as published
 from moveit6d.evaluation.reproduce import ycb
-from moveit6d.evaluation.reproduce.tracks import Track
+from moveit6d.evaluation.reproduce.tracks import ScoredTrack
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
 
@@ -30,13 +30,13 @@ def video(make_sequence: Callable[..., Any]) -> Sequence:
     return read_sequences(make_sequence("easy_00", frames=2).folder)[0]
 
 
-def a_track(video: Sequence, estimate: Pose) -> Track:
-    return Track(video, tuple(range(N)), estimate, TRUTH, 0, (1,) * N, (1.0,) * N)
+def a_track(video: Sequence, estimate: Pose) -> ScoredTrack:
+    return ScoredTrack(video, tuple(range(N)), estimate, TRUTH, 0, (1,) * N, (1.0,) * N)
 
 
-def cells(outcome: Any, table: int, row: str) -> dict[str, Any]:
+def cells(reproduction: Any, table: int, row: str) -> dict[str, Any]:
     """A table's row by column."""
-    found = outcome.tables[table]
+    found = reproduction.tables[table]
     line = next(one for one in found.rows if one[0] == row)
     return dict(zip(found.head, line, strict=True))
 
@@ -56,28 +56,28 @@ def test_a_constant_annotation_error_goes_away_with_the_shift(video: Sequence) -
     np.testing.assert_allclose(scores.plain["025_mug"].add.numpy(), length)
     assert scores.shifted["025_mug"].add.max() < 1e-9
     np.testing.assert_allclose(scores.shifts["easy_00"], (1000 * SHIFT).numpy())
-    outcome = ycb.add_outcome(scores, "stand-in", {})
-    row = cells(outcome, 0, "025_mug")
+    reproduction = ycb.add_reproduction(scores, "surrogate", {})
+    row = cells(reproduction, 0, "025_mug")
     limit = 0.1 * scores.plain["025_mug"].diameter
     assert length > limit and row["ours ADD(-S)"] == 0 and row["ours ADD(-S) + shift"] == 100
     assert row[published.OURS] == 45.35 and row["PoseCNN"] == 5.20
-    printed = cells(outcome, 0, "002_master_chef_can")
+    printed = cells(reproduction, 0, "002_master_chef_can")
     assert printed["ours ADD(-S)"] is None and printed["HeatMaps"] == 75.80
-    mean = cells(outcome, 0, "mean of each column's objects")
+    mean = cells(reproduction, 0, "mean of each column's objects")
     assert mean["ours ADD(-S) + shift"] == 100 and mean[published.OURS] == 63.05
-    assert "oracle" in outcome.markdown()
+    assert "oracle" in reproduction.markdown()
 
 
 def test_areas_come_in_both_forms(video: Sequence) -> None:
     scores = ycb.measure([a_track(video, ycb.shifted(TRUTH, SHIFT))])
-    outcome = ycb.auc_outcome(scores, "stand-in", {})
-    row = cells(outcome, 0, "easy")
+    reproduction = ycb.auc_reproduction(scores, "surrogate", {})
+    row = cells(reproduction, 0, "easy")
     exact = 100 * (1 - float(SHIFT.norm()) / 0.1)
     assert row["ours exact ADD(-S)"] == pytest.approx(exact)
     assert row["ours ADD(-S)"] > exact - 1e-9  # the toolbox's form is an upper sum
     assert row["ours ADD-S"] > row["ours ADD"]
-    assert cells(outcome, 1, "easy")["ours ADD(-S)"] == row["ours ADD(-S)"]
-    pooled = cells(outcome, 2, "as tracked")
+    assert cells(reproduction, 1, "easy")["ours ADD(-S)"] == row["ours ADD(-S)"]
+    pooled = cells(reproduction, 2, "as tracked")
     assert pooled["exact ADD"] == pytest.approx(exact) and pooled["frames"] == N
 
 

@@ -72,8 +72,10 @@ def test_areas_agree_with_loops_over_the_rows() -> None:
         plain["ADD-S"].append(float(nearest.mean()))
     mixed = [plain["ADD-S" if k % 3 == 1 else "ADD"][k] for k in range(ROWS)]
     for errors, expected in (
-        (found.add, plain["ADD"]), (found.add_s, plain["ADD-S"]), (found.mixed, mixed),
-    ):  # fmt: skip
+        (found.add, plain["ADD"]),
+        (found.add_s, plain["ADD-S"]),
+        (found.mixed, mixed),
+    ):
         assert errors.tolist() == pytest.approx(expected, abs=1e-9)
         pooled, mean = figures(errors, found.objects, auc.voc_auc)
         assert pooled == pytest.approx(by_the_toolbox(expected, 0.1))
@@ -96,8 +98,10 @@ def test_files_are_read_back(tmp_path: Path) -> None:
     write_keyframe_poses(tmp_path / "poses.npz", keyframes)
     back = read_keyframe_poses(tmp_path / "poses.npz", ["ours"])
     assert back.names == NAMES and back.objects.tolist() == keyframes.objects.tolist()
-    for mine, theirs in ((back.truth, keyframes.truth),
-                         (back.estimates["ours"], keyframes.estimates["ours"])):  # fmt: skip
+    for mine, theirs in (
+        (back.truth, keyframes.truth),
+        (back.estimates["ours"], keyframes.estimates["ours"]),
+    ):
         torch.testing.assert_close(mine.matrix(), theirs.matrix(), equal_nan=True)
     np.savez(tmp_path / "points.npz", **{f"{n:02d}": p.numpy() for n, p in points.items()})
     assert {n: p.tolist() for n, p in read_points(tmp_path / "points.npz").items()} == {
@@ -140,9 +144,11 @@ def test_what_is_wrong_with_files_is_said(tmp_path: Path) -> None:
     (tmp_path / "text.npz").write_text("hello")
     with pytest.raises(InputError, match=r"not an \.npz file"):
         read_points(tmp_path / "text.npz")
-    for values, words in (({"a": [[0, 0, 0]]}, "numbers of objects"),
-                          ({"01": [0, 0, 0]}, r"must be \(M, 3\)"),
-                          ({"01": [[0, 0, 80.0]]}, "looks like millimetres")):  # fmt: skip
+    for values, words in (
+        ({"a": [[0, 0, 0]]}, "numbers of objects"),
+        ({"01": [0, 0, 0]}, r"must be \(M, 3\)"),
+        ({"01": [[0, 0, 80.0]]}, "looks like millimetres"),
+    ):
         np.savez(tmp_path / "points.npz", **values)
         with pytest.raises(InputError, match=words):
             read_points(tmp_path / "points.npz")

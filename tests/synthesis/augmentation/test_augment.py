@@ -9,7 +9,7 @@ from torch import Tensor
 
 from moveit6d.synthesis.augmentation.augment import (
     AugmentConfig,
-    boards,
+    calibration_boards,
     crop_region,
     cut_border,
     loose_things,
@@ -18,7 +18,7 @@ from moveit6d.synthesis.augmentation.augment import (
     scatter,
     shadow,
 )
-from tests.support.pairs import dice, preset
+from tests.support.pairs import preset, rng
 
 PAPER = preset("paper").augment
 GREY = torch.full((2000, 3, 16, 16), 0.5)
@@ -32,7 +32,7 @@ def numbers_of_occluders(config: AugmentConfig) -> np.ndarray:
         counts[chosen] += 1
         return torch.zeros(len(chosen), 4, 16, 16)
 
-    occlude(GREY, things, config, dice())
+    occlude(GREY, things, config, rng())
     return counts.numpy().astype(int)
 
 
@@ -50,15 +50,15 @@ def test_what_is_pasted_is_what_is_said_to_be_covered() -> None:
     config = AugmentConfig(occluded=1.0, occluders=1, occluder_scale=(0.5, 0.5))
     solid = torch.ones(200, 4, 32, 32)
     black = torch.zeros(200, 3, 32, 32)
-    picture, covered = occlude(black, lambda chosen: solid[chosen], config, dice())
-    assert torch.allclose(picture[:, :1], covered, atol=1e-6) and black.max() == 0
-    whole = (covered > 0.5).flatten(1).sum(1).float()
+    picture, occlusion = occlude(black, lambda chosen: solid[chosen], config, rng())
+    assert torch.allclose(picture[:, :1], occlusion, atol=1e-6) and black.max() == 0
+    whole = (occlusion > 0.5).flatten(1).sum(1).float()
     assert whole.max() == pytest.approx((0.5 * 32) ** 2, rel=0.15)
 
 
 def test_things_are_other_objects_and_pieces_of_photos() -> None:
     objects, photos = torch.full((400, 4, 24, 24), 0.25), torch.ones(400, 3, 24, 24)
-    draw = loose_things(objects, photos, AugmentConfig(photo_occluder=0.45), dice())
+    draw = loose_things(objects, photos, AugmentConfig(photo_occluder=0.45), rng())
     layers = draw(torch.arange(400))
     cut = (layers[:, 3].flatten(1).amax(1) == 1).float()
     assert cut.mean() == pytest.approx(0.45, abs=0.08)
@@ -77,7 +77,7 @@ def test_over_is_the_usual_formula() -> None:
 def test_layers_are_turned_only_if_wanted(turned: bool) -> None:
     layers = torch.zeros(50, 1, 64, 64)
     layers[:, :, 24:40, 16:48] = 1
-    placed = scatter(layers, torch.ones(50), 0.2, dice(), turned)
+    placed = scatter(layers, torch.ones(50), 0.2, rng(), turned)
     rows = (placed[:, 0] > 0.5).any(-1).sum(-1)
     columns = (placed[:, 0] > 0.5).any(-2).sum(-1)
     upright = ((rows - 16).abs() <= 1) & ((columns - 32).abs() <= 1)
@@ -86,11 +86,11 @@ def test_layers_are_turned_only_if_wanted(turned: bool) -> None:
 
 def test_the_paper_s_crop_leaves_a_rectangle_of_72_to_96_in_a_quarter() -> None:
     front = torch.ones(500, 1, 128, 128)
-    picture, covered = crop_region(0 * front, front, 0 * front, PAPER, dice())
-    assert torch.equal(picture, 1 - covered)
-    cropped = covered.flatten(1).amax(1) > 0
+    picture, occlusion = crop_region(0 * front, front, 0 * front, PAPER, rng())
+    assert torch.equal(picture, 1 - occlusion)
+    cropped = occlusion.flatten(1).amax(1) > 0
     assert cropped.float().mean() == pytest.approx(0.25, abs=0.05)
-    shown = covered[cropped, 0] == 0
+    shown = occlusion[cropped, 0] == 0
     high, wide = shown.any(-1).sum(-1), shown.any(-2).sum(-1)
     for extent in (high, wide):
         assert extent.min() >= 72 and extent.max() <= 96 and extent.max() - extent.min() > 20
@@ -99,13 +99,13 @@ def test_the_paper_s_crop_leaves_a_rectangle_of_72_to_96_in_a_quarter() -> None:
 
 def test_without_a_share_nothing_is_cropped() -> None:
     front, none = torch.ones(9, 3, 128, 128), torch.zeros(9, 1, 128, 128)
-    picture, covered = crop_region(0 * front, front, none, replace(PAPER, cropped=0.0), dice())
-    assert torch.equal(picture, front) and covered.max() == 0
+    picture, occlusion = crop_region(0 * front, front, none, replace(PAPER, cropped=0.0), rng())
+    assert torch.equal(picture, front) and occlusion.max() == 0
 
 
 def test_borders_are_black_and_known() -> None:
     config = AugmentConfig(border=0.3)
-    picture, border = cut_border(torch.ones(300, 3, 32, 32), config, dice())
+    picture, border = cut_border(torch.ones(300, 3, 32, 32), config, rng())
     assert torch.equal(picture[:, :1], 1 - border)
     share = float((border.flatten(1).amax(1) > 0).float().mean())
     assert 0.2 < share < 0.4
@@ -113,19 +113,19 @@ def test_borders_are_black_and_known() -> None:
 
 def test_shadows_darken_a_side_by_what_is_stated() -> None:
     config = AugmentConfig(shadowed=0.4, shadow=(0.5, 0.6))
-    lit = shadow(torch.ones(600, 1, 32, 32), config, dice()).flatten(1)
+    lit = shadow(torch.ones(600, 1, 32, 32), config, rng()).flatten(1)
     darkest = lit.amin(1)
     assert (darkest < 0.99).float().mean() == pytest.approx(0.4, abs=0.06)
     assert darkest.min() >= 0.5 - 1e-6 and lit.max() <= 1 + 1e-6
 
 
 def test_boards_are_dark_and_light_lie_anywhere_and_are_premultiplied() -> None:
-    layers = boards(300, 64, dice())
+    layers = calibration_boards(300, 64, rng())
     alpha, colour = layers[:, 3:], layers[:, :3]
     assert layers.shape == (300, 4, 64, 64) and (colour <= alpha + 1e-5).all()
     whole = (alpha[:, 0] > 0.999).flatten(1)
-    covered = whole.float().mean(1)
-    assert covered.min() < 0.25 and covered.max() > 0.8
+    occlusion = whole.float().mean(1)
+    assert occlusion.min() < 0.25 and occlusion.max() > 0.8
     inside = colour.permute(0, 2, 3, 1)[alpha[:, 0] > 0.999]
     dark, light = (inside.amax(1) <= 0.251).float().mean(), (inside.amin(1) >= 0.699).float().mean()
     assert 0.35 < dark < 0.65 and 0.35 < light < 0.65

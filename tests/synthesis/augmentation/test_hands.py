@@ -11,14 +11,14 @@ from moveit6d.rendering.embree import EmbreeRenderer
 from moveit6d.synthesis.augmentation.hands import WIDTH, HandConfig, Hands
 from moveit6d.synthesis.augmentation.lighting import LightConfig
 from moveit6d.synthesis.augmentation.occluders import hand
-from tests.support.pairs import dice, photos
+from tests.support.pairs import photos, rng
 
 LIGHTS = LightConfig()
 
 
 def some_hands(config: HandConfig, seed: int = 0) -> Hands:
     random = np.random.default_rng(seed)
-    return Hands(config, photos(), EmbreeRenderer(), LIGHTS, random, dice(seed))
+    return Hands(config, photos(), EmbreeRenderer(), LIGHTS, random, rng(seed))
 
 
 def test_they_are_there_as_often_as_stated() -> None:

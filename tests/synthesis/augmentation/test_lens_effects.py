@@ -8,16 +8,16 @@ from torch import Tensor
 
 from moveit6d.synthesis.augmentation.augment import AugmentConfig
 from moveit6d.synthesis.augmentation.lens_effects import (
-    bend,
     blur,
     defocus_background,
     degrade,
+    motion_blur_lengths,
+    perturb_lens,
     radial_blur,
     recolour,
     sharpen,
-    smear_lengths,
 )
-from tests.support.pairs import dice, preset
+from tests.support.pairs import preset, rng
 
 PAPER = preset("paper").augment
 REAL = preset("realistic").augment
@@ -46,10 +46,10 @@ def widths(picture: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def test_the_paper_s_motion_blur_is_in_three_quarters_with_its_sigma() -> None:
-    lengths = smear_lengths(4000, PAPER, dice())
+    lengths = motion_blur_lengths(4000, PAPER, rng())
     assert (lengths / 128).square().mean().sqrt() == pytest.approx(0.05, rel=0.05)
     before = dots(800)
-    after = blur(before, PAPER, dice())
+    after = blur(before, PAPER, rng())
     assert after.flatten(1).sum(1) == pytest.approx(torch.ones(800), abs=1e-4)
     # A smear of under a pixel or so leaves a dot as it is.
     assert changed(before, after).mean() == pytest.approx(0.75, abs=0.07)
@@ -58,8 +58,8 @@ def test_the_paper_s_motion_blur_is_in_three_quarters_with_its_sigma() -> None:
 
 
 def test_our_blur_is_defocus_and_in_half_of_it_motion() -> None:
-    config = AugmentConfig(blurred=1.0, smeared=0.5, defocus=(0.8, 1.4), motion=(8.0, 8.0))
-    along, across = widths(blur(dots(600), config, dice()))
+    config = AugmentConfig(blurred=1.0, motion_blurred=0.5, defocus=(0.8, 1.4), motion=(8.0, 8.0))
+    along, across = widths(blur(dots(600), config, rng()))
     assert across.min() > 0.75 and across.max() < 1.45
     moved = (along > across + 0.3).float()
     assert moved.mean() == pytest.approx(0.5, abs=0.07)
@@ -69,7 +69,7 @@ def test_our_blur_is_defocus_and_in_half_of_it_motion() -> None:
 
 def test_radial_blur_is_in_a_quarter_and_leaves_the_middle_sharp() -> None:
     rings = torch.rand(400, 1, 33, 33, generator=torch.Generator().manual_seed(0))
-    after = radial_blur(rings, replace(PAPER, radial_sigma=0.3), dice())
+    after = radial_blur(rings, replace(PAPER, radial_sigma=0.3), rng())
     was = changed(rings, after)
     assert was.mean() == pytest.approx(0.25, abs=0.06)
     off = (after - rings)[was > 0].abs().mean((0, 1))
@@ -79,7 +79,7 @@ def test_radial_blur_is_in_a_quarter_and_leaves_the_middle_sharp() -> None:
 def colours(config: AugmentConfig, count: int = 1500) -> Tensor:
     """A flat picture of one colour after `recolour`, one value a channel (count, 3)."""
     flat = torch.tensor([0.4, 0.5, 0.6])[None, :, None, None].expand(count, 3, 2, 2)
-    return recolour(flat, config, dice())[..., 0, 0]
+    return recolour(flat, config, rng())[..., 0, 0]
 
 
 @pytest.mark.parametrize(("config", "low", "high"), [(PAPER, 0.95, 1.25), (NOTHING, 0.7, 1.3)])
@@ -95,20 +95,18 @@ def test_contrast_and_saturation_have_the_paper_s_range() -> None:
     assert 0.949 <= spread.min() < 0.96 and 1.24 < spread.max() <= 1.251
     halves = torch.full((1500, 3, 2, 2), 0.4)
     halves[..., 1] = 0.6
-    after = recolour(halves, replace(still, contrast=PAPER.contrast), dice())
+    after = recolour(halves, replace(still, contrast=PAPER.contrast), rng())
     spread = (after[..., 1] - after[..., 0])[:, 0, 0] / 0.2
     assert 0.949 <= spread.min() < 0.96 and 1.24 < spread.max() <= 1.251
 
 
 def test_noise_and_white_balance_can_be_left_out_and_have_their_ranges() -> None:
     assert torch.equal(colours(PAPER), colours(PAPER))
-    still = replace(
-        NOTHING, brightness=(1.0, 1.0), contrast=(1.0, 1.0), saturation=(1.0, 1.0)
-    )  # fmt: skip
+    still = replace(NOTHING, brightness=(1.0, 1.0), contrast=(1.0, 1.0), saturation=(1.0, 1.0))
     tinted = colours(replace(still, channel_gain=0.1))[:, 1] / 0.5
     assert 0.9 <= tinted.min() < 0.91 and 1.09 < tinted.max() <= 1.1 + 1e-5
     flat = torch.full((200, 3, 20, 20), 0.5)
-    spread = recolour(flat, replace(still, noise=(0.01, 0.03)), dice()).flatten(1).std(1)
+    spread = recolour(flat, replace(still, noise=(0.01, 0.03)), rng()).flatten(1).std(1)
     assert spread.min() > 0.009 and spread.max() < 0.032
 
 
@@ -116,8 +114,10 @@ def test_a_bent_lens_moves_by_what_is_stated_without_shift_or_scale() -> None:
     line = torch.arange(48).float()
     y, x = torch.meshgrid(line, line, indexing="ij")
     places = torch.stack([x, y])[None].repeat(300, 1, 1, 1)  # a picture of its own coordinates
-    config = replace(REAL, bent=0.3, bend=(0.5, 1.5))
-    moved = (bend(places, config, dice()) - places)[..., 2:-2, 2:-2]  # the border repeats pixels
+    config = replace(REAL, lens_error=0.3, lens_error_pixels=(0.5, 1.5))
+    moved = (perturb_lens(places, config, rng()) - places)[
+        ..., 2:-2, 2:-2
+    ]  # the border repeats pixels
     size = moved.norm(dim=1).flatten(1).amax(1)
     bent = size > 1e-3
     assert bent.float().mean() == pytest.approx(0.3, abs=0.08)
@@ -131,32 +131,30 @@ def test_a_bent_lens_moves_by_what_is_stated_without_shift_or_scale() -> None:
 
 def test_backgrounds_are_out_of_focus_as_often_and_as_much_as_stated() -> None:
     before = dots(400).expand(-1, 3, -1, -1)
-    after = defocus_background(before, REAL, dice())
+    after = defocus_background(before, REAL, rng())
     was = changed(before, after)
     assert was.mean() == pytest.approx(REAL.background_blurred, abs=0.07)
     along, across = widths(after[was > 0])
     assert across.min() > 0.4 and along.max() < 3.6
-    assert torch.equal(defocus_background(before, AugmentConfig(), dice()), before)
+    assert torch.equal(defocus_background(before, AugmentConfig(), rng()), before)
 
 
 def test_low_resolution_reaches_objects_of_under_40_pixels() -> None:
     fine = (torch.arange(128) % 2).float().expand(160, 1, 128, 128).contiguous()
-    config = AugmentConfig(coarse=1.0, resolution=REAL.resolution, jpeg=0.0)
-    kept = degrade(fine, config, dice(), groups=80).std(-1)[:, 0, 0]
+    config = AugmentConfig(downsampled=1.0, resolution=REAL.resolution, jpeg=0.0)
+    kept = degrade(fine, config, rng(), groups=80).std(-1)[:, 0, 0]
     # A fine grating vanishes where there are fewer pixels than it needs.
     assert (kept < 0.1).float().mean() > 0.5
     assert REAL.resolution[0] * 128 / 1.4 < 40 < REAL.resolution[1] * 128 / 1.4
-    rare = degrade(fine, replace(config, coarse=0.45), dice(), groups=160)
+    rare = degrade(fine, replace(config, downsampled=0.45), rng(), groups=160)
     assert changed(fine, rare).mean() == pytest.approx(0.45, abs=0.1)
 
 
 def test_jpeg_and_sharpening_happen_as_often_as_stated() -> None:
     noise = torch.rand(90, 3, 16, 16, generator=torch.Generator().manual_seed(0))
-    config = AugmentConfig(coarse=0.0, jpeg=0.35, jpeg_quality=(35.0, 60.0))
-    assert changed(noise, degrade(noise, config, dice(), 90)).mean() == pytest.approx(
-        0.35, abs=0.13
-    )
-    sharp = sharpen(noise, AugmentConfig(sharpened=0.3), dice())
+    config = AugmentConfig(downsampled=0.0, jpeg=0.35, jpeg_quality=(35.0, 60.0))
+    assert changed(noise, degrade(noise, config, rng(), 90)).mean() == pytest.approx(0.35, abs=0.13)
+    sharp = sharpen(noise, AugmentConfig(sharpened=0.3), rng())
     was = changed(noise, sharp)
     assert was.mean() == pytest.approx(0.3, abs=0.13)
     assert sharp[was > 0].std() > noise.std()

@@ -20,9 +20,14 @@ def lit(config: LightConfig, albedo: float = 0.5, count: int = COUNT) -> Tensor:
     facing = torch.tensor([0.0, 0.0, -1.0])[None, :, None, None].expand(shape)
     one, flat = torch.ones(count, 1, 1, 1), torch.zeros(count, 1, 1, 1)
     return light(
-        torch.full(shape, albedo), facing, flat, one, torch.full((count,), 4.0), config,
+        torch.full(shape, albedo),
+        facing,
+        flat,
+        one,
+        torch.full((count,), 4.0),
+        config,
         torch.Generator().manual_seed(0),
-    )[..., 0, 0]  # fmt: skip
+    )[..., 0, 0]
 
 
 def test_a_fifth_is_unlit() -> None:
@@ -57,9 +62,15 @@ def test_ambient_light_stays_white_where_it_is_to() -> None:
 def test_brightness_follows_intensity_and_its_enhancement() -> None:
     """Every draw is the same, so that the results differ by the factors alone."""
     steady = replace(
-        PAPER, unlit=0.0, ambient=(0.0, 0.0), metallic=(0.0, 0.0), smoothness=(0.0, 0.0),
-        enhanced=(1.0, 1.0), colours=((1.0, 1.0, 1.0),), intensity=(1.0, 1.0),
-    )  # fmt: skip
+        PAPER,
+        unlit=0.0,
+        ambient=(0.0, 0.0),
+        metallic=(0.0, 0.0),
+        smoothness=(0.0, 0.0),
+        enhanced=(1.0, 1.0),
+        colours=((1.0, 1.0, 1.0),),
+        intensity=(1.0, 1.0),
+    )
     one = lit(steady)
     assert torch.allclose(lit(replace(steady, intensity=(1.5, 1.5))), 1.5 * one, rtol=1e-5)
     assert torch.allclose(lit(replace(steady, enhanced=(1.2, 1.2))), 1.2 * one, rtol=1e-5)

@@ -8,11 +8,11 @@ from moveit6d.rendering.embree import EmbreeRenderer
 from moveit6d.synthesis.augmentation.lighting import LightConfig
 from moveit6d.synthesis.augmentation.occluder_bank import BankConfig, OccluderBank
 from tests.support.meshes import square
-from tests.support.pairs import dice, objects, preset
+from tests.support.pairs import objects, preset, rng
 
 
 def a_bank(config: BankConfig) -> OccluderBank:
-    return OccluderBank(objects(), config, EmbreeRenderer(), LightConfig(), (3.0, 6.0), dice())
+    return OccluderBank(objects(), config, EmbreeRenderer(), LightConfig(), (3.0, 6.0), rng())
 
 
 def test_the_paper_s_bank() -> None:
@@ -66,7 +66,7 @@ def test_other_meshes_than_the_trained_ones_can_fill_it() -> None:
     sheet = square(colors=np.tile(np.uint8([255, 0, 0]), (4, 1)))
     lights = LightConfig(unlit=1.0)
     config = BankConfig(size=6, each_batch=6)
-    bank = OccluderBank([sheet], config, EmbreeRenderer(), lights, (3.0, 6.0), dice())
+    bank = OccluderBank([sheet], config, EmbreeRenderer(), lights, (3.0, 6.0), rng())
     bank.grow()
     red, green = bank.patches[:, 0].float(), bank.patches[:, 1].float()
     assert red.max() > 200 and green.max() == 0

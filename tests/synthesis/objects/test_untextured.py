@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from moveit6d.geometry.mesh import Mesh
-from moveit6d.synthesis.objects.untextured import KEPT, bare_copy
+from moveit6d.synthesis.objects.untextured import KEPT, untextured_copy
 from tests.support.pairs import objects
 
 
@@ -16,9 +16,9 @@ def contrast(mesh: Mesh) -> float:
 @pytest.mark.parametrize("seed", range(6))
 def test_a_bare_copy_has_the_shape_but_hardly_any_print(seed: int) -> None:
     mesh = objects()[seed % 3]
-    bare = bare_copy(np.random.default_rng(seed), mesh)
-    assert bare.vertices is mesh.vertices and bare.uv is mesh.uv
-    assert contrast(bare) <= KEPT * contrast(mesh) + 1, "a grey level for rounding"
+    untextured = untextured_copy(np.random.default_rng(seed), mesh)
+    assert untextured.vertices is mesh.vertices and untextured.uv is mesh.uv
+    assert contrast(untextured) <= KEPT * contrast(mesh) + 1, "a grey level for rounding"
 
 
 def test_half_of_the_copies_keep_the_mean_colour_of_the_surface() -> None:
@@ -31,9 +31,9 @@ def test_half_of_the_copies_keep_the_mean_colour_of_the_surface() -> None:
     mesh = Mesh.from_arrays("half", corners, faces, uv=uv, texture=texture)
     colours = []
     for seed in range(60):
-        bare = bare_copy(np.random.default_rng(seed), mesh)
-        assert bare.texture is not None
-        colours.append(bare.texture[32, 8].astype(int))
+        untextured = untextured_copy(np.random.default_rng(seed), mesh)
+        assert untextured.texture is not None
+        colours.append(untextured.texture[32, 8].astype(int))
     own = np.abs(np.array(colours) - (200, 0, 0)).max(1) <= 2
     assert own.mean() == pytest.approx(0.5, abs=0.2)
 
@@ -42,9 +42,7 @@ def test_colours_of_vertices_fade_as_well() -> None:
     random = np.random.default_rng(1)
     textured = objects()[0]
     colours = random.integers(0, 255, (len(textured.vertices), 3)).astype(np.uint8)
-    mesh = Mesh.from_arrays(
-        "painted", textured.vertices, textured.faces, vertex_colors=colours
-    )  # fmt: skip
-    bare = bare_copy(random, mesh)
-    assert bare.vertex_colors is not None and mesh.vertex_colors is not None
-    assert bare.vertex_colors.std(0).max() < 0.5 * mesh.vertex_colors.std(0).min()
+    mesh = Mesh.from_arrays("painted", textured.vertices, textured.faces, vertex_colors=colours)
+    untextured = untextured_copy(random, mesh)
+    assert untextured.vertex_colors is not None and mesh.vertex_colors is not None
+    assert untextured.vertex_colors.std(0).max() < 0.5 * mesh.vertex_colors.std(0).min()

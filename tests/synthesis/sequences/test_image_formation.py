@@ -16,8 +16,8 @@ from moveit6d.synthesis.sequences.image_formation import (
     Light,
     Material,
     Sensor,
+    composite,
     expose,
-    lay,
     linear,
     render_layers,
 )
@@ -47,7 +47,7 @@ def test_window_holds_exactly_the_frames_pixels(
     depth = np.full((150, 200), np.inf, np.float32)
     for layer in render_layers(renderer, box, pose, CAMERA, np.zeros((1, 2)), LIGHT, Material()):
         assert len(layer.depth) < 200
-        lay(frame, depth, layer)
+        composite(frame, depth, layer)
     expected = np.where(whole[:150] > 0, whole[:150], np.inf)
     assert np.isfinite(expected).sum() > 500
     assert (np.isfinite(depth) != np.isfinite(expected)).sum() <= 2  # rays that graze an edge
@@ -80,7 +80,7 @@ def test_nearer_layer_wins_whatever_the_order() -> None:
     for order in ((near, far), (far, near)):
         frame, depth = np.zeros((4, 4, 3), np.float32), np.full((4, 4), np.inf, np.float32)
         for layer in order:
-            lay(frame, depth, layer)
+            composite(frame, depth, layer)
         pictures.append(frame)
     np.testing.assert_array_equal(*pictures)
     assert pictures[0][2, 2].tolist() == [1, 0, 0]
@@ -105,7 +105,7 @@ def test_shadow_falls_away_from_the_light() -> None:
         make_renderer("embree"), whole, pose, CAMERA, np.zeros((1, 2)), light, Material(0.0)
     )
     frame, depth = np.zeros((150, 200, 3), np.float32), np.full((150, 200), np.inf, np.float32)
-    lay(frame, depth, layer)
+    composite(frame, depth, layer)
     u, v = (round(c) for c in CAMERA.project(torch.tensor([0.0, 0.0, 0.6])).tolist())
     left, right = frame[v, u - 20, 0], frame[v, u + 20, 0]
     assert left > 3 * right > 0

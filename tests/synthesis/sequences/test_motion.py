@@ -16,9 +16,13 @@ CAMERA = Camera(600.0, 600.0, 319.5, 239.5, 640, 480)
 
 def motion(seed: int, pixels: float = 6.0, degrees: float = 3.0) -> Motion:
     return random_motion(
-        np.random.default_rng(seed), CAMERA, 0.2, 120,
-        pixels_per_frame=pixels, degrees_per_frame=degrees,
-    )  # fmt: skip
+        np.random.default_rng(seed),
+        CAMERA,
+        0.2,
+        120,
+        pixels_per_frame=pixels,
+        degrees_per_frame=degrees,
+    )
 
 
 def angle(first: torch.Tensor, second: torch.Tensor) -> float:

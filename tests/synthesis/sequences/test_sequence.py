@@ -21,7 +21,7 @@ from moveit6d.rendering.renderer import GBuffer, make_renderer
 from moveit6d.synthesis.augmentation.occluders import random_occluder
 from moveit6d.synthesis.objects.demo_object import demo_object
 from moveit6d.synthesis.objects.shapes import random_object
-from moveit6d.synthesis.sequences.difficulty import LEVELS, Level
+from moveit6d.synthesis.sequences.difficulty import DIFFICULTIES, Difficulty
 from moveit6d.synthesis.sequences.occlusion import visible_fraction
 from moveit6d.synthesis.sequences.sequence import Scene, write_sequence
 
@@ -36,7 +36,7 @@ def robot() -> Mesh:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, robot: Mesh) -> Path:
     place = tmp_path_factory.mktemp("made") / "medium_00"
-    return write_sequence(place, mesh=robot, seed=3, frames=14, level="medium", camera=SMALL)
+    return write_sequence(place, mesh=robot, seed=3, frames=14, difficulty="medium", camera=SMALL)
 
 
 def test_folder_holds_what_trackers_read(folder: Path) -> None:
@@ -73,7 +73,7 @@ def test_columns_of_the_truth(folder: Path) -> None:
 
 def test_same_seed_same_pictures(robot: Mesh) -> None:
     def picture() -> np.ndarray:
-        return Scene(robot, 5, 10, "easy", camera=SMALL).shoot(4).image
+        return Scene(robot, 5, 10, "easy", camera=SMALL).render_frame(4).image
 
     np.testing.assert_array_equal(picture(), picture())
 
@@ -83,30 +83,30 @@ def test_truth_is_where_the_object_is_seen(
     seed: int, robot: Mesh, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Glowing and still in front of black: the picture is the true silhouette, soft at its edge.
-    def glow(gbuffer: GBuffer, *_: object) -> torch.Tensor:
+    def brightness(gbuffer: GBuffer, *_: object) -> torch.Tensor:
         return gbuffer.mask.expand(-1, 3, -1, -1)
 
-    monkeypatch.setattr("moveit6d.synthesis.sequences.image_formation.shade", glow)
-    still = Level("still", (1e-3, 2e-3), (1e-3, 2e-3), shutter=(0.01, 0.02), clutter=(0, 0))
+    monkeypatch.setattr("moveit6d.synthesis.sequences.image_formation.shade", brightness)
+    still = Difficulty("still", (1e-3, 2e-3), (1e-3, 2e-3), shutter=(0.01, 0.02), clutter=(0, 0))
     scene = Scene(robot, seed, 4, still, camera=SMALL, photos=[np.zeros((80, 100, 3), np.uint8)])
-    shot = scene.shoot(1)
-    inner = robot.inner(shot.pose)
+    frame = scene.render_frame(1)
+    inner = robot.inner(frame.pose)
     batch = Pose(inner.rotation[None], inner.translation[None])
     mask = make_renderer("embree").render([robot], batch, SMALL.matrix()[None], 213).mask[0, 0]
     expected = mask.numpy()[:160] > 0.5
-    covered = (shot.image[..., 1] / 255) ** 2.2
-    covered[covered < 0.03] = 0.0  # noise
-    bright = covered > 0.5
+    occluded = (frame.image[..., 1] / 255) ** 2.2
+    occluded[occluded < 0.03] = 0.0  # noise
+    bright = occluded > 0.5
     assert (bright & expected).sum() / (bright | expected).sum() > 0.95
-    assert covered.sum() == pytest.approx(expected.sum(), rel=0.03)
-    place = np.argwhere(covered > 0)
-    middle = np.average(place, axis=0, weights=covered[tuple(place.T)])
+    assert occluded.sum() == pytest.approx(expected.sum(), rel=0.03)
+    place = np.argwhere(occluded > 0)
+    middle = np.average(place, axis=0, weights=occluded[tuple(place.T)])
     np.testing.assert_allclose(middle, np.argwhere(expected).mean(0), atol=0.1)  # pixels
 
 
 def test_blur_is_centred_on_the_true_pose(robot: Mesh) -> None:
     # Half of the motion lies before and half after the true pose.
-    fast = replace(LEVELS["fast"], clutter=(0, 0), shutter=(0.5, 0.5))
+    fast = replace(DIFFICULTIES["fast"], clutter=(0, 0), shutter=(0.5, 0.5))
     scene = Scene(robot, 2, 30, fast, camera=SMALL)
     for number in (5, 12, 20):
         times, offsets = scene._samples(number)
@@ -123,7 +123,7 @@ def test_covering_is_as_the_level_says(seed: int) -> None:
     scene = Scene(mesh, seed, 40, "occ", camera=SMALL)
     seen = np.array(
         [
-            visible_fraction(scene._renderer, mesh, scene.motion, scene.passages, k)
+            visible_fraction(scene._renderer, mesh, scene.motion, scene.occluders, k)
             for k in range(40)
         ]
     )
@@ -133,13 +133,13 @@ def test_covering_is_as_the_level_says(seed: int) -> None:
 
 def test_easy_and_fast_are_never_covered(robot: Mesh) -> None:
     for name in ("easy", "fast"):
-        assert Scene(robot, 1, 30, name, camera=SMALL).passages == []
+        assert Scene(robot, 1, 30, name, camera=SMALL).occluders == []
 
 
 def test_hard_light_changes_and_easy_light_does_not(robot: Mesh) -> None:
     def spread(name: str) -> float:
         scene = Scene(robot, 4, 60, name, camera=SMALL)
-        keys = [scene._lamp(k)[0].key[1] * scene._lamp(k)[1] for k in range(0, 60, 4)]
+        keys = [scene._light(k)[0].key[1] * scene._light(k)[1] for k in range(0, 60, 4)]
         return max(keys) / min(keys)
 
     assert spread("easy") < 1.15
@@ -156,14 +156,14 @@ def test_occluders_are_meshes_of_the_asked_scale(seed: int) -> None:
 
 def test_photos_are_used(robot: Mesh) -> None:
     blue = np.full((60, 80, 3), (10, 20, 230), np.uint8)
-    image = Scene(robot, 1, 4, "easy", [blue], SMALL).shoot(0).image
+    image = Scene(robot, 1, 4, "easy", [blue], SMALL).render_frame(0).image
     assert np.median(image.reshape(-1, 3), axis=0) == pytest.approx([10, 20, 230], abs=40)
 
 
 def test_an_older_sequence_is_replaced(tmp_path: Path, robot: Mesh) -> None:
     place = tmp_path / "clip"
     for frames in (4, 2):
-        write_sequence(place, mesh=robot, seed=1, frames=frames, level="easy", camera=SMALL)
+        write_sequence(place, mesh=robot, seed=1, frames=frames, difficulty="easy", camera=SMALL)
     assert len(list((place / "frames").iterdir())) == 2
     assert [path.name for path in tmp_path.iterdir()] == ["clip"]
 
@@ -184,7 +184,7 @@ def test_interrupted_writing_leaves_nothing(tmp_path: Path, robot: Mesh) -> None
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("level", "frames"), [("impossible", 10), ("easy", 1)])
-def test_bad_requests_are_said(tmp_path: Path, robot: Mesh, level: str, frames: int) -> None:
-    with pytest.raises(InputError, match=r"level|frames"):
-        write_sequence(tmp_path / "clip", mesh=robot, seed=1, frames=frames, level=level)
+@pytest.mark.parametrize(("difficulty", "frames"), [("impossible", 10), ("easy", 1)])
+def test_bad_requests_are_said(tmp_path: Path, robot: Mesh, difficulty: str, frames: int) -> None:
+    with pytest.raises(InputError, match=r"difficulty|frames"):
+        write_sequence(tmp_path / "clip", mesh=robot, seed=1, frames=frames, difficulty=difficulty)

@@ -1,4 +1,4 @@
-"""Stand-ins for published data sets: formats, truth, and that they say what they are."""
+"""Surrogate data sets for published data sets: formats, truth, and that they say what they are."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 
 from moveit6d.datasets import open_dataset
-from moveit6d.datasets.catalog import recognise, stand_in
+from moveit6d.datasets.catalog import recognise, surrogate
 from moveit6d.errors import InputError
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.synthesis.sequences.surrogate_datasets import (
-    Making,
+    GenerationOptions,
     object_name,
-    write_laval_stand_in,
-    write_ycbv_stand_in,
+    write_laval_surrogate,
+    write_ycbv_surrogate,
 )
 from tests.support.meshes import colored_box
 
 SMALL = Camera(205.0, 205.0, 106.0, 79.5, 213, 160)
-MAKING = Making(frames=2, level="easy", seed=4)
+OPTIONS = GenerationOptions(frames=2, difficulty="easy", seed=4)
 
 
 @pytest.fixture(scope="module")
@@ -41,9 +41,9 @@ def visible(root: Path) -> dict[str, list[float]]:
 
 def test_laval(tmp_path: Path, box: Mesh) -> None:
     root, told = tmp_path / "laval", []
-    making = replace(MAKING, on_frame=lambda name, number: told.append((name, number)))
-    write_laval_stand_in(root, {"box": box}, making, (0, 30), SMALL)
-    assert recognise(root) == "laval" and stand_in(root) == "stand-in for Laval"
+    options = replace(OPTIONS, on_frame=lambda name, number: told.append((name, number)))
+    write_laval_surrogate(root, {"box": box}, options, (0, 30), SMALL)
+    assert recognise(root) == "laval" and surrogate(root) == "surrogate for Laval"
     found = open_dataset(root)
     assert [(one.name, one.level) for one in found] == [
         ("box_occlusion_0", "occlusion_0"),
@@ -69,8 +69,8 @@ def test_ycbv(tmp_path: Path, box: Mesh) -> None:
     root = tmp_path / "ycbv"
     bar = colored_box((0.2, 0.06, 0.05), (0.1, 0, 0))
     scenes = [{"box": box, "bar": bar}, {"bar": bar}]
-    write_ycbv_stand_in(root, scenes, MAKING, SMALL)
-    assert recognise(root) == "ycbv" and stand_in(root) == "stand-in for YCB-Video"
+    write_ycbv_surrogate(root, scenes, OPTIONS, SMALL)
+    assert recognise(root) == "ycbv" and surrogate(root) == "surrogate for YCB-Video"
     found = open_dataset(root)
     assert [one.name for one in found] == ["0048.box", "0048.bar", "0049.bar"]
     assert visible(root).keys() == {one.name for one in found}
@@ -81,7 +81,7 @@ def test_ycbv(tmp_path: Path, box: Mesh) -> None:
 def test_another_folder_is_left_alone(tmp_path: Path, box: Mesh) -> None:
     (tmp_path / "thesis.txt").write_text("years of work")
     with pytest.raises(InputError, match="is not a data set made here"):
-        write_laval_stand_in(tmp_path, {"box": box}, MAKING, (0,), SMALL)
+        write_laval_surrogate(tmp_path, {"box": box}, OPTIONS, (0,), SMALL)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 
 
@@ -89,15 +89,15 @@ def test_an_older_stand_in_is_replaced_and_a_broken_one_leaves_nothing(
     tmp_path: Path, box: Mesh
 ) -> None:
     root = tmp_path / "laval"
-    write_laval_stand_in(root, {"old": box}, MAKING, (0,), SMALL)
+    write_laval_surrogate(root, {"old": box}, OPTIONS, (0,), SMALL)
 
     def stop(name: str, number: int) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_laval_stand_in(root, {"b": box}, replace(MAKING, on_frame=stop), (0,), SMALL)
+        write_laval_surrogate(root, {"b": box}, replace(OPTIONS, on_frame=stop), (0,), SMALL)
     assert [one.name for one in open_dataset(root)] == ["old_occlusion_0"]
-    write_laval_stand_in(root, {"new": box}, MAKING, (0,), SMALL)
+    write_laval_surrogate(root, {"new": box}, OPTIONS, (0,), SMALL)
     assert [one.name for one in open_dataset(root)] == ["new_occlusion_0"]
     assert [path.name for path in tmp_path.iterdir()] == ["laval"]
 
@@ -105,7 +105,7 @@ def test_an_older_stand_in_is_replaced_and_a_broken_one_leaves_nothing(
 @pytest.mark.parametrize("levels", [(), (100,), (-5, 0)])
 def test_impossible_levels_are_said(tmp_path: Path, box: Mesh, levels: tuple[int, ...]) -> None:
     with pytest.raises(InputError, match="per cent from 0 to 99"):
-        write_laval_stand_in(tmp_path / "laval", {"box": box}, MAKING, levels, SMALL)
+        write_laval_surrogate(tmp_path / "laval", {"box": box}, OPTIONS, levels, SMALL)
 
 
 def test_names_are_those_of_folders(box: Mesh) -> None:

@@ -13,12 +13,14 @@ from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.rendering.renderer import GBuffer, make_renderer
 from moveit6d.synthesis.objects.demo_object import demo_object
-from moveit6d.synthesis.sequences.difficulty import Level
-from moveit6d.synthesis.sequences.sequence import Scene, Shot
+from moveit6d.synthesis.sequences.difficulty import Difficulty
+from moveit6d.synthesis.sequences.sequence import Scene, SyntheticFrame
 from tests.support.meshes import colored_box
 
 SMALL = Camera(205.0, 205.0, 106.0, 79.5, 213, 160)
-STILL = Level("still", (1e-3, 2e-3), (1e-3, 2e-3), shutter=(0.01, 0.02), clutter=(0, 0), margin=2.6)
+STILL = Difficulty(
+    "still", (1e-3, 2e-3), (1e-3, 2e-3), shutter=(0.01, 0.02), clutter=(0, 0), margin=2.6
+)
 
 
 @pytest.fixture(scope="module")
@@ -31,15 +33,15 @@ def robot() -> Mesh:
     return demo_object()
 
 
-def poses(shot: Shot) -> list[Pose]:
-    return [shot.pose, *(pose for pose, _ in shot.others)]
+def poses(frame: SyntheticFrame) -> list[Pose]:
+    return [frame.pose, *(pose for pose, _ in frame.others)]
 
 
 def test_they_keep_their_places(robot: Mesh, others: list[Mesh]) -> None:
     scene = Scene(
         robot, 3, 12, replace(STILL, degrees_per_frame=(2, 3)), camera=SMALL, others=others
     )
-    one, two = poses(scene.shoot(1)), poses(scene.shoot(9))
+    one, two = poses(scene.render_frame(1)), poses(scene.render_frame(9))
     moved = (one[0].matrix() - two[0].matrix()).abs().max()
     assert moved > 0.01
     for other in (1, 2):
@@ -50,33 +52,38 @@ def test_they_keep_their_places(robot: Mesh, others: list[Mesh]) -> None:
 def test_poses_are_where_they_are_seen(
     robot: Mesh, others: list[Mesh], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def glow(gbuffer: GBuffer, *_: object) -> torch.Tensor:
+    def brightness(gbuffer: GBuffer, *_: object) -> torch.Tensor:
         return gbuffer.mask.expand(-1, 3, -1, -1)
 
-    monkeypatch.setattr("moveit6d.synthesis.sequences.image_formation.shade", glow)
+    monkeypatch.setattr("moveit6d.synthesis.sequences.image_formation.shade", brightness)
     black = [np.zeros((80, 100, 3), np.uint8)]
     scene = Scene(robot, 5, 4, STILL, camera=SMALL, photos=black, others=others)
-    shot = scene.shoot(1)
+    frame = scene.render_frame(1)
     renderer, expected = make_renderer("embree"), np.zeros((160, 213), bool)
-    for mesh, pose in zip([robot, *others], poses(shot), strict=True):
+    for mesh, pose in zip([robot, *others], poses(frame), strict=True):
         inner = mesh.inner(pose)
         batch = Pose(inner.rotation[None], inner.translation[None])
         seen = renderer.render([mesh], batch, SMALL.matrix()[None], 213).mask[0, 0].numpy()
         expected |= seen[:160] > 0.5
-    bright = (shot.image[..., 1] / 255) ** 2.2 > 0.5
+    bright = (frame.image[..., 1] / 255) ** 2.2 > 0.5
     assert (bright & expected).sum() / (bright | expected).sum() > 0.95
 
 
 def test_they_hide_each_other(robot: Mesh, others: list[Mesh]) -> None:
     scene = Scene(robot, 5, 4, STILL, camera=SMALL, others=others)
-    shot = scene.shoot(1)
-    seen = [shot.visible_fraction, *(fraction for _, fraction in shot.others)]
-    depth = np.stack([
-        make_renderer("embree").render(
-            [mesh], Pose(i.rotation[None], i.translation[None]), SMALL.matrix()[None], 213
-        ).depth[0, 0, :160].numpy()
-        for mesh, i in ((m, m.inner(p)) for m, p in zip([robot, *others], poses(shot), strict=True))
-    ])  # fmt: skip
+    frame = scene.render_frame(1)
+    seen = [frame.visible_fraction, *(fraction for _, fraction in frame.others)]
+    depth = np.stack(
+        [
+            make_renderer("embree")
+            .render([mesh], Pose(i.rotation[None], i.translation[None]), SMALL.matrix()[None], 213)
+            .depth[0, 0, :160]
+            .numpy()
+            for mesh, i in (
+                (m, m.inner(p)) for m, p in zip([robot, *others], poses(frame), strict=True)
+            )
+        ]
+    )
     # The slow way: of all pixels of an object in the frame, those where it is the nearest.
     nearest = np.where(depth > 0, depth, np.inf).argmin(0)
     inside = [float((nearest[depth[k] > 0] == k).mean()) for k in range(3)]

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d.actions import PoseAction, difference
+from moveit6d.actions import PoseAction, pose_delta
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3, random_rotations
 from moveit6d.geometry.symmetry import ContinuousSymmetry, Symmetries
 from moveit6d.synthesis.objects import primitives as make
-from moveit6d.synthesis.training.equivalents import centred_symmetries, nearest_counts
+from moveit6d.synthesis.training.equivalents import centred_symmetries, nearest_delta
 
 OFFSET = np.array([0.03, -0.02, 0.05])
 
@@ -48,9 +48,9 @@ def test_a_spun_can_needs_no_turn_and_a_can_without_symmetry_does() -> None:
     angles = torch.tensor([0.0, 0.3, 1.0, 2.0, 3.0, -1.5], dtype=torch.float64)
     spin = exp_so3(torch.stack([0 * angles, 0 * angles, angles], -1))
     goal = Pose(start.rotation @ spin, start.translation)
-    counts = nearest_counts([ROUND] * 6, start, goal, diameter)
-    assert counts[:, 3:].abs().max() < 0.6, "half a step of BOP's 315"
-    plain = nearest_counts([PLAIN] * 6, start, goal, diameter)
+    delta = nearest_delta([ROUND] * 6, start, goal, diameter)
+    assert delta[:, 3:].abs().max() < 0.6, "half a step of BOP's 315"
+    plain = nearest_delta([PLAIN] * 6, start, goal, diameter)
     assert plain[:, 3:].norm(dim=1) == pytest.approx(torch.rad2deg(angles.abs()), abs=1e-3)
 
 
@@ -58,15 +58,15 @@ def test_other_moves_stay_and_the_spin_in_them_goes() -> None:
     """Tilt and shift of the goal remain; what is left looks like the goal."""
     start, diameter = some_start(5)
     generator = torch.Generator().manual_seed(1)
-    counts = (torch.rand(5, 6, generator=generator, dtype=torch.float64) - 0.5) * 20
-    goal = PoseAction.of(counts).apply(start, diameter)
+    delta = (torch.rand(5, 6, generator=generator, dtype=torch.float64) - 0.5) * 20
+    goal = PoseAction.from_delta(delta).apply_centred(start, diameter)
     spin = exp_so3(torch.tensor([0.0, 0.0, 2.0], dtype=torch.float64))
     spun = Pose(goal.rotation @ spin, goal.translation)
-    near = nearest_counts([ROUND] * 5, start, spun, diameter)
-    again = nearest_counts([ROUND] * 5, start, goal, diameter)
+    near = nearest_delta([ROUND] * 5, start, spun, diameter)
+    again = nearest_delta([ROUND] * 5, start, goal, diameter)
     assert torch.allclose(near, again, atol=1.2)
-    assert (near.abs().amax(1) <= counts.abs().amax(1) + 0.6).all()
-    reached = PoseAction.of(near).apply(start, diameter)
+    assert (near.abs().amax(1) <= delta.abs().amax(1) + 0.6).all()
+    reached = PoseAction.from_delta(near).apply_centred(start, diameter)
     axis = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
     assert torch.allclose(reached.rotation @ axis, goal.rotation @ axis, atol=1e-9)
     assert torch.allclose(reached.translation, goal.translation, atol=1e-9)
@@ -80,6 +80,6 @@ def test_discrete_symmetries_and_mixed_batches() -> None:
     start, diameter = some_start(2)
     half = exp_so3(torch.tensor([math.pi - 1e-3, 0.0, 0.0], dtype=torch.float64))
     goal = Pose(start.rotation @ half, start.translation)
-    counts = nearest_counts([turning, PLAIN], start, goal, diameter)
-    assert counts[0].abs().max() < 0.1 and counts[1, 3:].norm() > 179
-    assert torch.equal(counts[1], difference(start, goal, diameter)[1])
+    delta = nearest_delta([turning, PLAIN], start, goal, diameter)
+    assert delta[0].abs().max() < 0.1 and delta[1, 3:].norm() > 179
+    assert torch.equal(delta[1], pose_delta(start, goal, diameter)[1])

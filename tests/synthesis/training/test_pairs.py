@@ -43,8 +43,8 @@ def test_the_same_seed_gives_the_same_pairs_and_another_one_others(
 ) -> None:
     first, again = a_batch(generator_parts), a_batch(generator_parts)
     assert torch.equal(first.observation.image, again.observation.image)
-    assert torch.equal(first.counts, again.counts)
-    assert not torch.equal(a_batch(generator_parts, 1).counts, first.counts)
+    assert torch.equal(first.delta, again.delta)
+    assert not torch.equal(a_batch(generator_parts, 1).delta, first.delta)
 
 
 @pytest.mark.parametrize("crop", ["look_at", "axis_parallel"])
@@ -57,9 +57,11 @@ def test_the_counts_take_the_rendering_to_the_observed_object(
     seen = batch.observation
     pixels = cell_pixels(4)
     moved = move_points(
-        surface_points(seen.depth, seen.distance, pixels), seen.distance, batch.counts,
+        surface_points(seen.depth, seen.distance, pixels),
+        seen.distance,
+        batch.delta,
         batch.direction,
-    )  # fmt: skip
+    )
     on_object = seen.mask[:, 0, pixels[:, 1], pixels[:, 0]] > 0
     goal = project_points(moved, seen.distance).round().long().clamp(0, 127)
     sample = torch.arange(8)[:, None]
@@ -87,8 +89,8 @@ def test_a_true_move_lands_exactly(
     """After the counts themselves nothing is left, and the rendering is the true pose's."""
     generator = PairGenerator(*generator_parts, PairConfig(crop=crop), 4)
     batch = generator.batch(8, "all_large")
-    there = generator.advance(batch, batch.counts)
-    assert there.counts.abs().max() < 1e-3
+    there = generator.advance(batch, batch.delta)
+    assert there.delta.abs().max() < 1e-3
     assert (there.observation.mask != there.true_mask).float().mean() < 1e-3
     assert (there.observation.depth - there.true_depth).abs().mean() < 1e-4
     assert torch.equal(there.mesh, batch.mesh)
@@ -100,10 +102,10 @@ def test_halfway_leaves_the_rest_and_shows_the_same_picture(
     """The counts that are left lead to the same truth, and the picture follows the crop."""
     generator = PairGenerator(*generator_parts, PairConfig(), 5)
     batch = generator.batch(8, "all_small")
-    halfway = generator.advance(batch, batch.counts / 2)
-    assert halfway.counts.norm(dim=1) == pytest.approx(batch.counts.norm(dim=1) / 2, rel=0.05)
-    again = generator.advance(halfway, halfway.counts)
-    direct = generator.advance(batch, batch.counts)
+    halfway = generator.advance(batch, batch.delta / 2)
+    assert halfway.delta.norm(dim=1) == pytest.approx(batch.delta.norm(dim=1) / 2, rel=0.05)
+    again = generator.advance(halfway, halfway.delta)
+    direct = generator.advance(batch, batch.delta)
     assert torch.allclose(again.observation.distance, direct.observation.distance, rtol=1e-4)
     seen = (again.clear * direct.clear) > 0.5
     off = (again.observation.image - direct.observation.image).abs().mean(1, keepdim=True)[seen]
@@ -137,8 +139,8 @@ def test_policies_states_keep_their_zoom(
 ) -> None:
     generator = PairGenerator(*generator_parts, ZOOMED, 8)
     batch = generator.batch(8, "all_small")
-    there = generator.advance(batch, batch.counts)
-    assert torch.equal(there.zoom, batch.zoom) and there.counts.abs().max() < 1e-4
+    there = generator.advance(batch, batch.delta)
+    assert torch.equal(there.zoom, batch.zoom) and there.delta.abs().max() < 1e-4
     assert (there.observation.depth - there.true_depth).abs().mean() < 1e-4
 
 
@@ -147,8 +149,8 @@ def test_moves_that_lose_the_object_are_not_made(
 ) -> None:
     generator = PairGenerator(*generator_parts, PairConfig(), 6)
     batch = generator.batch(4, "all_large")
-    away = generator.advance(batch, -10 * batch.counts)
-    assert torch.allclose(away.counts, batch.counts, atol=1e-3)
+    away = generator.advance(batch, -10 * batch.delta)
+    assert torch.allclose(away.delta, batch.delta, atol=1e-3)
     assert torch.allclose(away.observation.distance, batch.observation.distance, rtol=1e-5)
 
 
@@ -162,11 +164,11 @@ def test_symmetric_objects_get_the_nearest_counts() -> None:
     drawn = torch.zeros(12, 6, dtype=torch.float64)
     drawn[:, 3:] = 8 * (torch.arange(36).reshape(12, 3) % 5 - 2)
     batch = generator.compose(torch.arange(12) % len(meshes), drawn)
-    turns = batch.counts[:, 3:].norm(dim=1)
+    turns = batch.delta[:, 3:].norm(dim=1)
     assert (turns <= drawn[:, 3:].norm(dim=1).float() + 0.6).all()
     assert (turns < 0.8 * drawn[:, 3:].norm(dim=1).float()).any()
-    there = generator.advance(batch, batch.counts)
-    assert there.counts.abs().max() < 1.0
+    there = generator.advance(batch, batch.delta)
+    assert there.delta.abs().max() < 1.0
     assert (there.observation.mask != there.true_mask).float().mean() < 0.005
 
 

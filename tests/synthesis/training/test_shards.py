@@ -32,7 +32,7 @@ PLAN = ShardPlan(shards=5, batches=2, batch_size=2, seed=3)
 
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> PairSource:
-    """Three pictures and one made shape a shard."""
+    """Three pictures and one procedural shape a shard."""
     return small_source(tmp_path_factory.mktemp("photos"))
 
 
@@ -65,7 +65,7 @@ def test_what_is_read_is_what_was_drawn(source: PairSource, whole: Path) -> None
     read = next(read_shard(shard_path(whole, 2, PLAN), 2))
     assert torch.equal(read.observation.image, drawn.observation.image)
     assert torch.allclose(read.observation.rendering, drawn.observation.rendering, atol=0.51 / 255)
-    for name in ("counts", "visible", "true_mask", "clear", "mesh", "zoom", "rotation"):
+    for name in ("delta", "visible", "true_mask", "clear", "mesh", "zoom", "rotation"):
         assert torch.equal(getattr(read, name), getattr(drawn, name)), name
     assert torch.allclose(read.true_depth, drawn.true_depth, atol=3e-4)
     assert torch.allclose(read.observation.depth, drawn.observation.depth, atol=3e-4)
@@ -112,7 +112,7 @@ def test_killed_and_started_again_in_parts_they_are_the_same(
 
 
 def key(batch: TrainingBatch) -> tuple[float, ...]:
-    return tuple(batch.counts.flatten().tolist())
+    return tuple(batch.delta.flatten().tolist())
 
 
 def test_an_epoch_is_every_pair_once_whoever_reads(whole: Path) -> None:

@@ -69,11 +69,14 @@ def translation_error(estimate: Pose, truth: Pose) -> Tensor:
 def rotation_error(estimate: Pose, truth: Pose) -> Tensor:
     """Angle between two rotations (...), degrees: (...). Exact also for tiny and for half turns."""
     turn = estimate.rotation.mT @ truth.rotation
-    skew = torch.stack([
-        turn[..., 2, 1] - turn[..., 1, 2],
-        turn[..., 0, 2] - turn[..., 2, 0],
-        turn[..., 1, 0] - turn[..., 0, 1],
-    ], -1)  # fmt: skip
+    skew = torch.stack(
+        [
+            turn[..., 2, 1] - turn[..., 1, 2],
+            turn[..., 0, 2] - turn[..., 2, 0],
+            turn[..., 1, 0] - turn[..., 0, 1],
+        ],
+        -1,
+    )
     trace = turn.diagonal(dim1=-2, dim2=-1).sum(-1)
     return torch.rad2deg(torch.atan2(skew.norm(dim=-1), trace - 1))
 

@@ -20,11 +20,12 @@ from ...estimation.frame import prepare_frame
 from ...geometry.crop import PATCH_SIZE, crop_patch, look_at
 from ...geometry.pose import Pose
 from ...observation import Observation, observe
-from ...policies import Policy, Situation
+from ...policies import LoopState, Policy
 from ...rendering.renderer import Renderer
+from ...visualization.charts import Panel, Sheet
 from . import published_figures as published
 from .convergence import Plan, frames_of
-from .outcome import Cell, Outcome, Panel, Sheet, Table
+from .reproduction import Cell, Reproduction, Table
 
 OFFSET = (6.0, -4.0, 3.0, 4.0, -5.0, 6.0)  # counts of the start from the truth
 
@@ -35,7 +36,7 @@ class Patch:
 
     name: str
     seen: Observation
-    situation: Situation
+    state: LoopState
 
 
 def patches(videos: Sequence[Video], frames: int, renderer: Renderer) -> list[Patch]:
@@ -52,8 +53,8 @@ def patches(videos: Sequence[Video], frames: int, renderer: Renderer) -> list[Pa
                 continue
             picture = prepare_frame(frame.image, video.camera)
             inner = mesh.inner(video.truth[frame.index].to(torch.float64))
-            counts = torch.tensor([OFFSET], dtype=torch.float64)
-            start = PoseAction.of(counts).apply(
+            delta = torch.tensor([OFFSET], dtype=torch.float64)
+            start = PoseAction.from_delta(delta).apply_centred(
                 Pose(inner.rotation[None], inner.translation[None]), diameter
             )
             view = look_at(start, diameter)
@@ -61,14 +62,14 @@ def patches(videos: Sequence[Video], frames: int, renderer: Renderer) -> list[Pa
             patch = crop_patch(picture.pixels, one, picture.camera.matrix())
             gbuffer = renderer.render([mesh], view.to_virtual(start), view.intrinsics)
             seen = observe(patch[None], gbuffer, view, diameter)
-            situation = Situation(start, diameter, torch.zeros(1, dtype=torch.int64))
-            found.append(Patch(f"{video.name}, frame {frame.index}", seen, situation))
+            state = LoopState(start, diameter, torch.zeros(1, dtype=torch.int64))
+            found.append(Patch(f"{video.name}, frame {frame.index}", seen, state))
     return found
 
 
-def outcome(
+def reproduction(
     cases: Sequence[Patch], policies: Mapping[str, Policy], data: str, facts: Mapping[str, object]
-) -> Outcome:
+) -> Reproduction:
     """Figure `fig:mask`: patch, rendering and one attention map a network, a row a case.
 
     The table says how the attention is shared between the rendered object and the rest.
@@ -81,7 +82,7 @@ def outcome(
             Panel("rendering", _picture(case.seen.rendering)),
         ]
         for name, policy in policies.items():
-            attention = policy.decide(case.seen, case.situation).attention
+            attention = policy.predict(case.seen, case.state).attention
             if attention is None:
                 panels.append(Panel(f"{name}: none"))
                 rows.append((case.name, name, None, None, None))
@@ -91,7 +92,7 @@ def outcome(
     head = ("case", "network", "mean on the object", "mean beside it", "share on the object %")
     sheet = Sheet("attention", "Attention", 2 + len(policies), tuple(panels))
     steps = ", ".join(map(str, published.ATTENTION_ITERATIONS))
-    return Outcome(
+    return Reproduction(
         "attention",
         "Attention maps of networks of different training",
         data,

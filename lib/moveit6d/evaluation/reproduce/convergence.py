@@ -20,14 +20,15 @@ from ...datasets.video import Frame
 from ...errors import InputError
 from ...estimation import StopReason, Target, refine_batch
 from ...estimation.frame import prepare_frame
-from ...estimation.loop import out_of_sight
+from ...estimation.refine import out_of_sight
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...policies import Policy
 from ...rendering.renderer import Renderer
+from ...visualization.charts import Curve, LineChart
 from .. import metrics
 from . import published_figures as published
-from .outcome import Cell, Curve, LineChart, Outcome, Table, mean
+from .reproduction import Cell, Reproduction, Table, mean
 
 POINTS = 1000
 
@@ -40,7 +41,7 @@ class Reading(StrEnum):
 
 
 @dataclass(frozen=True)
-class Trial:
+class ConvergenceTrial:
     """One start: the reading, m and frame, ADD(-S) in diameters before and after, steps.
 
     `after` is infinite for a loop that did not end by itself within the limit; `before` for a start
@@ -52,7 +53,7 @@ class Trial:
     frame: int
     before: float
     after: float
-    steps: int
+    iterations: int
 
     @property
     def right(self) -> bool:
@@ -68,7 +69,7 @@ class Plan:
     readings: tuple[Reading, ...] = tuple(Reading)
     frames: int | None = None
     step: float = published.CONVERGENCE_STEP
-    max_steps: int = published.CONVERGENCE_STEPS
+    max_iterations: int = published.CONVERGENCE_STEPS
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -91,7 +92,7 @@ def deviate(truth: Pose, signs: Tensor, count: Sequence[int], sphere_diameter: f
     pose, left = truth, torch.tensor(list(count))
     for done in range(max(count, default=0)):
         going = (left > done).to(torch.float64)[:, None]
-        pose = PoseAction.of(signs * going).apply(pose, diameter)
+        pose = PoseAction.from_delta(signs * going).apply_centred(pose, diameter)
     return pose
 
 
@@ -111,7 +112,9 @@ def frames_of(video: Video, plan: Plan) -> list[int]:
     return [known[k] for k in chosen]
 
 
-def run(video: Video, policy: Policy, renderer: Renderer, plan: Plan) -> Iterator[list[Trial]]:
+def run(
+    video: Video, policy: Policy, renderer: Renderer, plan: Plan
+) -> Iterator[list[ConvergenceTrial]]:
     """All trials of one frame after the other."""
     mesh = video.load_mesh()
     points = torch.from_numpy(mesh.sample_points(POINTS))
@@ -132,9 +135,16 @@ def run(video: Video, policy: Policy, renderer: Renderer, plan: Plan) -> Iterato
 
 
 def _trials(
-    video: Video, mesh: Mesh, points: Tensor, frame: Frame, cases: list[tuple[Reading, int]],
-    signs: Tensor, policy: Policy, renderer: Renderer, plan: Plan,
-) -> list[Trial]:  # fmt: skip
+    video: Video,
+    mesh: Mesh,
+    points: Tensor,
+    frame: Frame,
+    cases: list[tuple[Reading, int]],
+    signs: Tensor,
+    policy: Policy,
+    renderer: Renderer,
+    plan: Plan,
+) -> list[ConvergenceTrial]:
     truth = video.truth[frame.index].to(torch.float64)
     inner = mesh.inner(truth)
     many = Pose(inner.rotation.expand(len(cases), 3, 3), inner.translation.expand(len(cases), 3))
@@ -147,9 +157,19 @@ def _trials(
         if out_of_sight(moved.translation[k], mesh.sphere_diameter, picture.camera) is None
     ]
     targets = [Target(picture, video.camera, mesh, mesh.outer(moved[k])) for k in seen]
-    results = dict(zip(seen, refine_batch(
-        targets, policy=policy, renderer=renderer, max_steps=plan.max_steps, step=plan.step
-    ), strict=True))  # fmt: skip
+    results = dict(
+        zip(
+            seen,
+            refine_batch(
+                targets,
+                policy=policy,
+                renderer=renderer,
+                max_iterations=plan.max_iterations,
+                step_size=plan.step,
+            ),
+            strict=True,
+        )
+    )
 
     def error(pose: Pose) -> float:
         return float(metrics.add_s(pose, truth, points, video.symmetric)) / mesh.diameter
@@ -157,16 +177,18 @@ def _trials(
     found = []
     for k, (reading, m) in enumerate(cases):
         result = results.get(k)
-        before, after, steps = float("inf"), float("inf"), 0
+        before, after, iterations = float("inf"), float("inf"), 0
         if result is not None:
-            before, steps = error(mesh.outer(moved[k])), result.steps
-            if result.pose is not None and result.stopped_by is not StopReason.MAX_STEPS:
+            before, iterations = error(mesh.outer(moved[k])), result.iterations
+            if result.pose is not None and result.stopped_by is not StopReason.MAX_ITERATIONS:
                 after = error(result.pose)
-        found.append(Trial(reading, m, frame.index, before, after, steps))
+        found.append(ConvergenceTrial(reading, m, frame.index, before, after, iterations))
     return found
 
 
-def outcome(trials: Sequence[Trial], data: str, facts: dict[str, object]) -> Outcome:
+def reproduction(
+    trials: Sequence[ConvergenceTrial], data: str, facts: dict[str, object]
+) -> Reproduction:
     """Figure `fig:robustness`: ADD score and steps of the loops that came back, against m."""
     rows: list[tuple[Cell, ...]] = []
     curves: list[Curve] = []
@@ -175,21 +197,37 @@ def outcome(trials: Sequence[Trial], data: str, facts: dict[str, object]) -> Out
         lines = [_row(m, reading, mine) for m in sorted({trial.m for trial in mine})]
         rows += lines
         scored = [(float(m), float(share)) for _, m, _, _, _, share, _, _ in lines]
-        walked = [(float(m), steps) for _, m, _, _, _, _, steps, _ in lines if steps is not None]
-        for label, points, right in (("ADD score", scored, False), ("steps", walked, True)):
+        walked = [
+            (float(m), iterations)
+            for _, m, _, _, _, _, iterations, _ in lines
+            if iterations is not None
+        ]
+        for label, points, right in (("ADD score", scored, False), ("iterations", walked, True)):
             if points:
                 x, y = zip(*points, strict=True)
                 curves.append(Curve(f"{label}, {reading.value}", x, y, right))
     stated = tuple(zip(*published.CONVERGENCE_ADD.items(), strict=True))
     curves.append(Curve("paper's ADD score", stated[0], stated[1], dots=True))
-    head = ("reading", "m", "units an axis", "starts", "start ADD % d", "ADD<10%d",
-            "steps where right", "paper ADD<10%d")  # fmt: skip
+    head = (
+        "reading",
+        "m",
+        "units an axis",
+        "starts",
+        "start ADD % d",
+        "ADD<10%d",
+        "steps where right",
+        "paper ADD<10%d",
+    )
     title = "ADD score and steps against the deviation (fig:robustness)"
     chart = LineChart(
-        "convergence", "Robustness to the start", "m", "ADD < 10 % d, %", tuple(curves),
+        "convergence",
+        "Robustness to the start",
+        "m",
+        "ADD < 10 % d, %",
+        tuple(curves),
         "steps of the loops that came back",
-    )  # fmt: skip
-    return Outcome(
+    )
+    return Reproduction(
         "convergence",
         "Convergence from deviated starts (Eq. 3)",
         data,
@@ -206,11 +244,11 @@ def outcome(trials: Sequence[Trial], data: str, facts: dict[str, object]) -> Out
 
 
 def _row(
-    m: int, reading: Reading, trials: Sequence[Trial]
+    m: int, reading: Reading, trials: Sequence[ConvergenceTrial]
 ) -> tuple[str, int, int, int, float | None, float, float | None, float | None]:
     mine = [trial for trial in trials if trial.m == m]
     before = mean([100 * trial.before for trial in mine if np.isfinite(trial.before)])
     share = 100 * float(np.mean([trial.right for trial in mine]))
-    steps = mean([float(trial.steps) for trial in mine if trial.right])
+    iterations = mean([float(trial.iterations) for trial in mine if trial.right])
     printed = published.CONVERGENCE_ADD.get(m)
-    return reading.value, m, units(m, reading), len(mine), before, share, steps, printed
+    return reading.value, m, units(m, reading), len(mine), before, share, iterations, printed

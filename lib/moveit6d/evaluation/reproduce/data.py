@@ -1,6 +1,6 @@
 """What a folder of sequences is, in words that a report may print.
 
-Never calls a stand-in by the real set's name alone: only a folder that has what the published set
+Never calls a surrogate by the real set's name alone: only a folder that has what the published set
 has is called published.
 """
 
@@ -24,20 +24,20 @@ SETS = {"ycbv": "YCB-Video", "laval": "Laval"}
 def describe(folder: Path, kind: str) -> str:
     """The words for a folder of that kind, without its place on this machine."""
     name = folder.resolve().name
-    said = catalog.stand_in(folder)
+    said = catalog.surrogate(folder)
     if said:
-        return f"{said if 'stand-in' in said else f'stand-in ({said})'}, folder {name}"
+        return f"{said if 'surrogate' in said else f'surrogate ({said})'}, folder {name}"
     real = SETS.get(kind)
     if real is None:
-        return f"stand-in (sequence folders of one's own), folder {name}"
+        return f"surrogate (sequence folders of one's own), folder {name}"
     if is_published(folder, kind):
         return f"{real} as published, folder {name}"
-    return f"stand-in (in {real}'s format, not recognised as the published set), folder {name}"
+    return f"surrogate (in {real}'s format, not recognised as the published set), folder {name}"
 
 
 def is_published(folder: Path, kind: str) -> bool:
     """Whether a folder has what the published set has, and nothing says that it was made."""
-    if catalog.stand_in(folder):
+    if catalog.surrogate(folder):
         return False
     if kind == "ycbv":
         counts = {scene: len(images) for scene, images in ycbv.read_keyframes(folder).items()}

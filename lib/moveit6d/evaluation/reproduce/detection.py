@@ -14,37 +14,38 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ...actions import PoseAction, difference
+from ...actions import PoseAction, pose_delta
 from ...datasets.sequences import Sequence as Video
 from ...datasets.video import Image
-from ...estimation import Detection, Judge, PoseDetector, Target, refine_batch
+from ...estimation import Detection, PoseDetector, SelectionCriterion, Target, refine_batch
 from ...estimation.detector import Candidate, best_of
 from ...estimation.frame import prepare_frame
 from ...geometry.pose import Pose
+from ...visualization.charts import Curve, LineChart, Panel, Sheet
 from .. import metrics
 from . import published_figures as published
 from .convergence import POINTS, Plan, frames_of
-from .outcome import Cell, Curve, LineChart, Outcome, Panel, Sheet, Table, mean
+from .reproduction import Cell, Reproduction, Table, mean
 
 TURNS = tuple(range(-45, 46, 3))  # degrees about the viewing axis, for the last curve
 FOUND = 0.5  # of the object's width: a sink nearer than this to the true centre is the object's
 
 
 @dataclass(frozen=True)
-class Trial:
+class DetectionTrial:
     """One frame. Errors in diameters (ADD(-S)) and degrees; infinite where there is no pose.
 
     `rank` is the object's place among those looked into, from 1 (None: not among them); `size` the
     width tried there that is nearest to the true one, in true ones; `best` the smallest error of
-    any candidate, which no judge can better.
+    any candidate, which no criterion can better.
     """
 
     video: str
     frame: int
     rank: int | None
     size: float | None
-    add: Mapping[Judge, float]
-    rotation: Mapping[Judge, float]
+    add: Mapping[SelectionCriterion, float]
+    rotation: Mapping[SelectionCriterion, float]
     best: float
     seconds: float
 
@@ -56,13 +57,13 @@ class Example:
     image: Image
     detection: Detection
     turns: tuple[float, ...]
-    steps: tuple[float, ...]
+    iterations: tuple[float, ...]
     ways: tuple[float, ...]
 
 
 def run(
     videos: Sequence[Video], make: Mapping[str, PoseDetector], frames: int
-) -> Iterator[tuple[Trial, Image, Detection]]:
+) -> Iterator[tuple[DetectionTrial, Image, Detection]]:
     """Detect in `frames` frames of every sequence; `make` holds each sequence's detector."""
     for video in videos:
         detector = make[video.name]
@@ -82,10 +83,15 @@ def run(
 
 
 def _judged(
-    video: Video, frame: int, found: Detection, detector: PoseDetector, truth: Pose,
-    points: Tensor, seconds: float,
-) -> Trial:  # fmt: skip
-    """One frame's figures: what each judge chose among the same candidates."""
+    video: Video,
+    frame: int,
+    found: Detection,
+    detector: PoseDetector,
+    truth: Pose,
+    points: Tensor,
+    seconds: float,
+) -> DetectionTrial:
+    """One frame's figures: what each criterion chose among the same candidates."""
 
     def error(candidate: Candidate | None) -> float:
         if candidate is None or candidate.result.pose is None:
@@ -98,15 +104,15 @@ def _judged(
             return 180.0
         return float(metrics.rotation_error(candidate.result.pose, truth))
 
-    chosen = {judge: best_of(found.candidates, judge) for judge in Judge}
+    chosen = {criterion: best_of(found.candidates, criterion) for criterion in SelectionCriterion}
     rank, size = _sink_of(found, detector, truth)
-    return Trial(
+    return DetectionTrial(
         video=video.name,
         frame=frame,
         rank=rank,
         size=size,
-        add={judge: error(one) for judge, one in chosen.items()},
-        rotation={judge: turn(one) for judge, one in chosen.items()},
+        add={criterion: error(one) for criterion, one in chosen.items()},
+        rotation={criterion: turn(one) for criterion, one in chosen.items()},
         best=min(map(error, found.candidates), default=float("inf")),
         seconds=seconds,
     )
@@ -122,43 +128,62 @@ def turned_starts(
     mesh = detector.mesh
     inner = mesh.inner(truth.to(torch.float64))
     diameter = torch.full((len(turns),), mesh.sphere_diameter, dtype=torch.float64)
-    counts = torch.zeros(len(turns), 6, dtype=torch.float64)
-    counts[:, 5] = torch.tensor(list(turns), dtype=torch.float64)
+    delta = torch.zeros(len(turns), 6, dtype=torch.float64)
+    delta[:, 5] = torch.tensor(list(turns), dtype=torch.float64)
     many = Pose(inner.rotation.expand(len(turns), 3, 3), inner.translation.expand(len(turns), 3))
-    starts = PoseAction.of(counts).apply(many, diameter)
+    starts = PoseAction.from_delta(delta).apply_centred(many, diameter)
     frame = prepare_frame(image, detector.camera)
     targets = [
         Target(frame, detector.camera, mesh, mesh.outer(starts[k])) for k in range(len(turns))
     ]
     results = refine_batch(
-        targets, policy=detector.policy, renderer=detector.renderer, max_steps=detector.max_steps
+        targets,
+        policy=detector.policy,
+        renderer=detector.renderer,
+        max_iterations=detector.max_iterations,
     )
     ways = []
     for k, result in enumerate(results):
         way = float("nan")
         if result.pose is not None:
             end = mesh.inner(result.pose)
-            way = float(difference(starts[k], end, diameter[k]).abs().sum())
+            way = float(pose_delta(starts[k], end, diameter[k]).abs().sum())
         ways.append(way)
-    return tuple(float(result.steps) for result in results), tuple(ways)
+    return tuple(float(result.iterations) for result in results), tuple(ways)
 
 
-def outcome(
-    trials: Sequence[Trial], example: Example, data: str, facts: Mapping[str, object]
-) -> Outcome:
-    """Figure `fig:detect` of one frame, and figures of all frames for both judges."""
+def reproduction(
+    trials: Sequence[DetectionTrial], example: Example, data: str, facts: Mapping[str, object]
+) -> Reproduction:
+    """Figure `fig:detect` of one frame, and figures of all frames for both criteria."""
     rows: list[tuple[Cell, ...]] = []
     for trial in trials:
-        adds = [_percent(trial.add[judge]) for judge in Judge]
-        turns = [trial.rotation[judge] for judge in Judge]
-        rows.append((trial.video, trial.frame, trial.rank, trial.size, *adds, *turns,
-                     _percent(trial.best), trial.seconds))  # fmt: skip
-    head = ("sequence", "frame", "rank of its sink", "best size tried / true",
-            *(f"ADD % d, {judge.value}" for judge in Judge),
-            *(f"rotation deg, {judge.value}" for judge in Judge),
-            "best candidate ADD % d", "seconds")  # fmt: skip
+        adds = [_percent(trial.add[criterion]) for criterion in SelectionCriterion]
+        turns = [trial.rotation[criterion] for criterion in SelectionCriterion]
+        rows.append(
+            (
+                trial.video,
+                trial.frame,
+                trial.rank,
+                trial.size,
+                *adds,
+                *turns,
+                _percent(trial.best),
+                trial.seconds,
+            )
+        )
+    head = (
+        "sequence",
+        "frame",
+        "rank of its sink",
+        "best size tried / true",
+        *(f"ADD % d, {criterion.value}" for criterion in SelectionCriterion),
+        *(f"rotation deg, {criterion.value}" for criterion in SelectionCriterion),
+        "best candidate ADD % d",
+        "seconds",
+    )
     frames = Table("frames", "Frame by frame", head, tuple(rows))
-    return Outcome(
+    return Reproduction(
         "detection",
         "Detection without a start (Initialization & Detection)",
         data,
@@ -167,7 +192,7 @@ def outcome(
         (
             "The paper prints no figures for detection; its figure is one example.",
             "A sink counts as the object's if it is nearer than half of the object's width to its "
-            "centre. `best candidate` is what a perfect judge would reach.",
+            "centre. `best candidate` is what a perfect criterion would reach.",
             *published.NOTES["fig:detect"],
         ),
         facts,
@@ -188,7 +213,7 @@ def _sink_of(
     return None, None
 
 
-def _summary(trials: Sequence[Trial]) -> Table:
+def _summary(trials: Sequence[DetectionTrial]) -> Table:
     number = len(trials)
 
     def share(hits: Sequence[bool]) -> float:
@@ -199,9 +224,9 @@ def _summary(trials: Sequence[Trial]) -> Table:
         ("object is among the sinks, %", share([trial.rank is not None for trial in trials])),
         ("best size tried there / true size, mean", mean([trial.size for trial in trials])),
     ]
-    for judge in Judge:
-        hits = [trial.add[judge] < metrics.ADD_LIMIT for trial in trials]
-        rows.append((f"ADD < 10 % d, judge {judge.value}, %", share(hits)))
+    for criterion in SelectionCriterion:
+        hits = [trial.add[criterion] < metrics.ADD_LIMIT for trial in trials]
+        rows.append((f"ADD < 10 % d, criterion {criterion.value}, %", share(hits)))
     best = [trial.best < metrics.ADD_LIMIT for trial in trials]
     rows.append(("ADD < 10 % d, best candidate, %", share(best)))
     rows.append(("seconds a frame, mean", mean([trial.seconds for trial in trials])))
@@ -223,15 +248,19 @@ def _sheet(example: Example) -> Sheet:
     left, top = field.centres[0, 0].tolist()
     step = float(field.centres[0, 1, 0] - field.centres[0, 0, 0])
     inside = {name: ((x - left) / step, (y - top) / step) for name, (x, y) in crosses.items()}
-    curves = [Curve("steps", example.turns, example.steps)]
+    curves = [Curve("iterations", example.turns, example.iterations)]
     way = [(t, w) for t, w in zip(example.turns, example.ways, strict=True) if np.isfinite(w)]
     if way:
         x_way, y_way = zip(*way, strict=True)
         curves.append(Curve("way, single actions", x_way, y_way, right=True))
     chart = LineChart(
-        "turned", "", "start turned about the viewing axis (r_z), degrees", "steps to stop",
-        tuple(curves), "way in single actions",
-    )  # fmt: skip
+        "turned",
+        "",
+        "start turned about the viewing axis (r_z), degrees",
+        "steps to stop",
+        tuple(curves),
+        "way in single actions",
+    )
     return Sheet(
         "detection",
         "Detection",

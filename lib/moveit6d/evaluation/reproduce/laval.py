@@ -14,10 +14,11 @@ from torch import Tensor
 
 from ...datasets.sequences import Sequence as Video
 from ...errors import InputError
+from ...visualization.charts import Curve, LineChart
 from .. import metrics
 from . import published_figures as published
-from .outcome import Cell, Curve, LineChart, Outcome, Table, mean
-from .tracks import Track
+from .reproduction import Cell, Reproduction, Table, mean
+from .tracks import ScoredTrack
 
 GROUPS = {f"occlusion_{level}": level for level in published.LAVAL_LEVELS}
 NOTES = (
@@ -51,9 +52,9 @@ def occlusion_videos(videos: Iterable[Video]) -> list[Video]:
     return found
 
 
-def measure(tracks: Iterable[Track]) -> dict[tuple[str, int], Cells]:
+def measure(tracks: Iterable[ScoredTrack]) -> dict[tuple[str, int], Cells]:
     """Errors by object and level over all of its sequences."""
-    found: dict[tuple[str, int], list[Track]] = {}
+    found: dict[tuple[str, int], list[ScoredTrack]] = {}
     for track in tracks:
         found.setdefault((track.video.object, GROUPS[track.video.group]), []).append(track)
     return {
@@ -66,13 +67,15 @@ def measure(tracks: Iterable[Track]) -> dict[tuple[str, int], Cells]:
     }
 
 
-def outcome(models: Mapping[str, Figures], data: str, facts: Mapping[str, object]) -> Outcome:
+def reproduction(
+    models: Mapping[str, Figures], data: str, facts: Mapping[str, object]
+) -> Reproduction:
     """Table `tab:laval_additional` (and with it `tab:laval`), one model a key of `LAVAL_MODELS`."""
     objects = sorted({name for figures in models.values() for name, _ in figures})
     objects += [name for name in published.LAVAL_OBJECTS if name not in objects]
     main = _main(models, objects)
     angles = _spread(models, objects)
-    return Outcome(
+    return Reproduction(
         "laval",
         "Laval tables: errors by object and occlusion level",
         data,
@@ -100,8 +103,12 @@ def _main(models: Mapping[str, Figures], objects: list[str]) -> Table:
         values = zip(*(row[2:] for row in rows[k : 2 * len(objects) : 2]), strict=True)
         means = [mean([float(v) for v in column if v is not None]) for column in values]
         rows.append(("mean of objects", unit, *means))
-    return Table("errors", "Mean errors by object and share covered (tab:laval, "
-                 "tab:laval_additional)", tuple(head), tuple(rows))  # fmt: skip
+    return Table(
+        "errors",
+        "Mean errors by object and share covered (tab:laval, tab:laval_additional)",
+        tuple(head),
+        tuple(rows),
+    )
 
 
 def _spread(models: Mapping[str, Figures], objects: list[str]) -> Table:
@@ -114,13 +121,30 @@ def _spread(models: Mapping[str, Figures], objects: list[str]) -> Table:
                 if cells is None:
                     continue
                 lost = metrics.laval_failures(cells.translation, cells.official)
-                rows.append((
-                    name, model, level, len(cells.angle),
-                    1000 * float(cells.translation.median()), float(cells.official.median()),
-                    float(cells.angle.mean()), float(cells.angle.median()), lost,
-                ))  # fmt: skip
-    head = ("object", "model", "covered %", "frames", "median T mm", "median R deg",
-            "mean angle deg", "median angle deg", "failures")  # fmt: skip
+                rows.append(
+                    (
+                        name,
+                        model,
+                        level,
+                        len(cells.angle),
+                        1000 * float(cells.translation.median()),
+                        float(cells.official.median()),
+                        float(cells.angle.mean()),
+                        float(cells.angle.median()),
+                        lost,
+                    )
+                )
+    head = (
+        "object",
+        "model",
+        "covered %",
+        "frames",
+        "median T mm",
+        "median R deg",
+        "mean angle deg",
+        "median angle deg",
+        "failures",
+    )
     return Table("more", "Ours in other figures", head, tuple(rows))
 
 

@@ -201,7 +201,7 @@ CONVERGENCE_ACTIONS = 270  # "an initialization which is 270 actions apart"
 CONVERGENCE_ADD = {12: 73.8}
 CONVERGENCE_NONE_FROM = 43  # "for m >= 43 the method did not converge within 200 steps"
 
-RESET_EVERY, MAX_STEPS = 15, 30
+RESET_EVERY, MAX_ITERATIONS = 15, 30
 ATTENTION_ITERATIONS = (250, 6_000, 15_000)
 
 NOTES = {

@@ -9,17 +9,18 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..iteration_timing import CycleTimes
+from ...visualization.charts import BarChart
+from ..iteration_timing import IterationTimes
 from . import published_figures as published
-from .outcome import BarChart, Cell, Outcome, Table
-from .tracks import Track
+from .reproduction import Cell, Reproduction, Table
+from .tracks import ScoredTrack
 
 PREPARE = ("crop", "observe")
 
 
-def outcome(
-    times: CycleTimes, tracks: Sequence[Track], data: str, facts: Mapping[str, object]
-) -> Outcome:
+def reproduction(
+    times: IterationTimes, tracks: Sequence[ScoredTrack], data: str, facts: Mapping[str, object]
+) -> Reproduction:
     """Table `tab:runtime`; with tracks also what a frame takes."""
     prepare = sum(times.parts[part] for part in PREPARE)
     render, move = times.parts["render"], times.parts["move"]
@@ -38,30 +39,60 @@ def outcome(
     if tracks:
         tables.append(_frames(tracks, without))
     chart = BarChart(
-        "runtime", "One cycle", "ms", ("preprocessing", "network", "moving", "rendering"),
+        "runtime",
+        "One cycle",
+        "ms",
+        ("preprocessing", "network", "moving", "rendering"),
         {"ours": (prepare, network, move, render), "paper": (printed[0], printed[1], None, None)},
-    )  # fmt: skip
+    )
     notes = (
         "Ours is the median of the cycles, all on the CPU; the paper's network ran on a GPU.",
         *published.NOTES["tab:runtime"],
     )
-    return Outcome("runtime", "Runtime of the action decision cycle", data, tuple(tables), (chart,),
-                   notes, facts)  # fmt: skip
+    return Reproduction(
+        "runtime",
+        "Runtime of the action decision cycle",
+        data,
+        tuple(tables),
+        (chart,),
+        notes,
+        facts,
+    )
 
 
-def _frames(tracks: Sequence[Track], cycle: float) -> Table:
+def _frames(tracks: Sequence[ScoredTrack], iteration: float) -> Table:
     """Cycles and milliseconds a frame, as tracked under the paper's protocol."""
     rows: list[tuple[Cell, ...]] = []
-    steps = np.concatenate([np.array(track.steps, float) for track in tracks])
+    iterations = np.concatenate([np.array(track.iterations, float) for track in tracks])
     times = np.concatenate([np.array(track.milliseconds, float) for track in tracks])
     for track in tracks:
-        mine = float(np.mean(track.steps))
-        rows.append((track.video.name, len(track.steps), mine, mine * cycle,
-                     float(np.mean(track.milliseconds))))  # fmt: skip
-    rows.append(("all frames", len(steps), float(steps.mean()), float(steps.mean()) * cycle,
-                 float(times.mean())))  # fmt: skip
+        mine = float(np.mean(track.iterations))
+        rows.append(
+            (
+                track.video.name,
+                len(track.iterations),
+                mine,
+                mine * iteration,
+                float(np.mean(track.milliseconds)),
+            )
+        )
     rows.append(
-        ("paper (YCB-Video)", None, published.ACTIONS_PER_FRAME, published.MS_PER_FRAME, None)
+        (
+            "all frames",
+            len(iterations),
+            float(iterations.mean()),
+            float(iterations.mean()) * iteration,
+            float(times.mean()),
+        )
+    )
+    rows.append(
+        (
+            "paper (YCB-Video)",
+            None,
+            published.ACTIONS_PER_FRAME,
+            published.MS_PER_FRAME,
+            None,
+        )
     )
     head = ("sequence", "frames", "cycles a frame", "ms, cycles × cycle", "ms measured")
     return Table("frames", "What a frame takes", head, tuple(rows))

@@ -22,15 +22,15 @@ from ...geometry.pose import Pose
 from ...io import read_json, write_json
 from ..benchmark import MakeTracker
 from ..protocols import PROTOCOL_COLUMNS, Protocol, follow_protocol, is_given
-from ..run_tracker import Step
+from ..run_tracker import TrackedFrame
 
 SETTINGS = "settings.json"
 COLUMNS = (*PROTOCOL_COLUMNS, "steps", "confidence")
-Watch = Callable[[Video, Iterator[Step]], Iterator[Step]]
+Watch = Callable[[Video, Iterator[TrackedFrame]], Iterator[TrackedFrame]]
 
 
 @dataclass(frozen=True)
-class Track:
+class ScoredTrack:
     """One sequence's scored frames (N) beside their true poses, mesh file's frame.
 
     Frames whose pose was given by the protocol are left out; a frame without a pose keeps the last
@@ -42,12 +42,12 @@ class Track:
     estimate: Pose
     truth: Pose
     held: int
-    steps: tuple[int, ...]
+    iterations: tuple[int, ...]
     milliseconds: tuple[float, ...]
 
 
 @dataclass(frozen=True)
-class Setting:
+class TrackSettings:
     """How tracks are made: a tracker, a protocol by sequence, frames at most, and where they go.
 
     `facts` tell one setting from another; `folder` is None for tracks that are not kept.
@@ -60,19 +60,21 @@ class Setting:
     frames: int | None = None
 
 
-def run_tracks(videos: Sequence[Video], setting: Setting, watch: Watch) -> Iterator[Track]:
+def run_tracks(
+    videos: Sequence[Video], settings: TrackSettings, watch: Watch
+) -> Iterator[ScoredTrack]:
     """The track of every sequence, from its file where it is there already.
 
     `watch` sees the steps as they come (progress, complaints). Sequences without a frame to score
     are left out.
     """
-    _claim(setting)
+    _claim(settings)
     for video in videos:
-        path = None if setting.folder is None else setting.folder / f"{video.name}.csv"
+        path = None if settings.folder is None else settings.folder / f"{video.name}.csv"
         if path is not None and path.is_file():
             rows = by_frame(read_poses(path), str(path))
         else:
-            rows = {step.row.frame: step.row for step in watch(video, run_one(video, setting))}
+            rows = {step.row.frame: step.row for step in watch(video, run_one(video, settings))}
             if path is not None:
                 write_poses(path, rows.values(), COLUMNS)
         track = scored(video, rows)
@@ -80,16 +82,16 @@ def run_tracks(videos: Sequence[Video], setting: Setting, watch: Watch) -> Itera
             yield track
 
 
-def run_one(video: Video, setting: Setting) -> Iterator[Step]:
+def run_one(video: Video, settings: TrackSettings) -> Iterator[TrackedFrame]:
     """Track one sequence: one step for each frame after the first, whose pose is given."""
-    tracker = setting.make_tracker(video.load_mesh(), video.camera, video.start)
-    protocol = setting.protocol_of(video)
-    yield from follow_protocol(tracker, _after(video, setting.frames), video.truth, protocol)
+    tracker = settings.make_tracker(video.load_mesh(), video.camera, video.start)
+    protocol = settings.protocol_of(video)
+    yield from follow_protocol(tracker, _after(video, settings.frames), video.truth, protocol)
 
 
-def scored(video: Video, rows: Mapping[int, PoseRow]) -> Track | None:
+def scored(video: Video, rows: Mapping[int, PoseRow]) -> ScoredTrack | None:
     """The frames that count: known truth, a keyframe where there are such, pose not given."""
-    frames, estimates, steps, times = [], [], [], []
+    frames, estimates, iterations, times = [], [], [], []
     last, held = video.start, 0
     for frame, row in sorted(rows.items()):
         last = last if row.pose is None else row.pose
@@ -99,25 +101,25 @@ def scored(video: Video, rows: Mapping[int, PoseRow]) -> Track | None:
         held += row.pose is None
         frames.append(frame)
         estimates.append(last)
-        steps.append(row.steps or 0)
+        iterations.append(row.iterations or 0)
         times.append(row.milliseconds or 0.0)
     if not frames:
         return None
     truth = Pose.stack([video.truth[frame].to(torch.float64) for frame in frames])
     found = Pose.stack([pose.to(torch.float64) for pose in estimates])
-    return Track(video, tuple(frames), found, truth, held, tuple(steps), tuple(times))
+    return ScoredTrack(video, tuple(frames), found, truth, held, tuple(iterations), tuple(times))
 
 
-def _claim(setting: Setting) -> None:
+def _claim(settings: TrackSettings) -> None:
     """Make the folder this setting's own; `InputError` if it is another's."""
-    if setting.folder is None:
+    if settings.folder is None:
         return
-    path = setting.folder / SETTINGS
-    facts = {**setting.facts, "frames": setting.frames}
+    path = settings.folder / SETTINGS
+    facts = {**settings.facts, "frames": settings.frames}
     if path.is_file():
         if read_json(path) != facts:
             raise InputError(
-                f"{setting.folder} holds tracks of another setting ({SETTINGS} differs); remove "
+                f"{settings.folder} holds tracks of another setting ({SETTINGS} differs); remove "
                 "it or give another --output."
             )
         return

@@ -15,11 +15,12 @@ import torch
 from torch import Tensor
 
 from ...geometry.pose import Pose
+from ...visualization.charts import BarChart
 from .. import metrics
 from ..metrics.auc import exact_auc, voc_auc
 from . import published_figures as published
-from .outcome import BarChart, Cell, Outcome, Table, mean
-from .tracks import Track
+from .reproduction import Cell, Reproduction, Table, mean
+from .tracks import ScoredTrack
 
 # Points of the surface, where the data set brings none.
 POINTS = 2000
@@ -36,7 +37,7 @@ METRIC_NOTE = (
 
 
 @dataclass(frozen=True)
-class Errors:
+class ObjectErrors:
     """Errors in metres (N,) of one object's frames over all its sequences."""
 
     add: Tensor
@@ -49,9 +50,9 @@ class Errors:
         """ADD(-S)."""
         return self.add_s if self.symmetric else self.add
 
-    def joined(self, other: Errors) -> Errors:
+    def joined(self, other: ObjectErrors) -> ObjectErrors:
         """The frames of both."""
-        return Errors(
+        return ObjectErrors(
             torch.cat([self.add, other.add]),
             torch.cat([self.add_s, other.add_s]),
             self.diameter,
@@ -63,8 +64,8 @@ class Errors:
 class Scores:
     """Errors by object, as tracked and after the oracle shift, and the shifts by sequence (mm)."""
 
-    plain: Mapping[str, Errors]
-    shifted: Mapping[str, Errors]
+    plain: Mapping[str, ObjectErrors]
+    shifted: Mapping[str, ObjectErrors]
     shifts: Mapping[str, tuple[float, float, float]]
 
 
@@ -84,10 +85,10 @@ def shifted(truth: Pose, shift: Tensor) -> Pose:
     return Pose(truth.rotation, truth.translation + (truth.rotation @ shift))
 
 
-def measure(tracks: Iterable[Track]) -> Scores:
+def measure(tracks: Iterable[ScoredTrack]) -> Scores:
     """Errors of all tracks by object, in the order in which the objects come."""
-    plain: dict[str, Errors] = {}
-    moved: dict[str, Errors] = {}
+    plain: dict[str, ObjectErrors] = {}
+    moved: dict[str, ObjectErrors] = {}
     shifts: dict[str, tuple[float, float, float]] = {}
     for track in tracks:
         name = track.video.object or track.video.level
@@ -96,7 +97,7 @@ def measure(tracks: Iterable[Track]) -> Scores:
         x, y, z = (1000 * shift).tolist()
         shifts[track.video.name] = (x, y, z)
         for found, truth in ((plain, track.truth), (moved, shifted(track.truth, shift))):
-            errors = Errors(
+            errors = ObjectErrors(
                 metrics.add(track.estimate, truth, points),
                 metrics.adi(track.estimate, truth, points),
                 diameter,
@@ -106,10 +107,10 @@ def measure(tracks: Iterable[Track]) -> Scores:
     return Scores(plain, moved, shifts)
 
 
-def add_outcome(scores: Scores, data: str, facts: Mapping[str, object]) -> Outcome:
+def add_reproduction(scores: Scores, data: str, facts: Mapping[str, object]) -> Reproduction:
     """Table `tab:ycb_full`: % of frames below 10 % of the diameter."""
 
-    def share(errors: Errors, which: Tensor) -> float:
+    def share(errors: ObjectErrors, which: Tensor) -> float:
         return 100 * metrics.accuracy(which, metrics.ADD_LIMIT * errors.diameter)
 
     printed = published.YCB_ADD
@@ -124,7 +125,7 @@ def add_outcome(scores: Scores, data: str, facts: Mapping[str, object]) -> Outco
     }
     head = ("ADD(-S)", "ADD(-S) + shift", "ADD", "ADD-S")
     table = _beside("add", f"{printed.caption} ({printed.label})", head, ours, printed)
-    return Outcome(
+    return Reproduction(
         "ycb_add",
         "YCB table: frames below 10 % of the diameter",
         data,
@@ -135,7 +136,7 @@ def add_outcome(scores: Scores, data: str, facts: Mapping[str, object]) -> Outco
     )
 
 
-def auc_outcome(scores: Scores, data: str, facts: Mapping[str, object]) -> Outcome:
+def auc_reproduction(scores: Scores, data: str, facts: Mapping[str, object]) -> Reproduction:
     """Tables `tab:ycb_full_auc_1` and `_2`: area under the curve to 0.1 m, in %."""
     ours = {
         name: (
@@ -150,7 +151,10 @@ def auc_outcome(scores: Scores, data: str, facts: Mapping[str, object]) -> Outco
     head = ("ADD(-S)", "ADD(-S) + shift", "ADD", "ADD-S", "exact ADD(-S)")
     tables = [
         _beside(name, f"{printed.caption} ({printed.label})", head, ours, printed)
-        for name, printed in (("auc_1", published.YCB_AUC_1), ("auc_2", published.YCB_AUC_2))
+        for name, printed in (
+            ("auc_1", published.YCB_AUC_1),
+            ("auc_2", published.YCB_AUC_2),
+        )
     ]
     notes = [
         METRIC_NOTE,
@@ -159,7 +163,7 @@ def auc_outcome(scores: Scores, data: str, facts: Mapping[str, object]) -> Outco
         *published.NOTES[published.YCB_AUC_1.label],
         *published.NOTES[published.YCB_AUC_2.label],
     ]
-    return Outcome(
+    return Reproduction(
         "ycb_auc",
         "YCB tables: area under the ADD curve to 0.1 m",
         data,
@@ -170,7 +174,7 @@ def auc_outcome(scores: Scores, data: str, facts: Mapping[str, object]) -> Outco
     )
 
 
-def _points(track: Track) -> tuple[Tensor, float]:
+def _points(track: ScoredTrack) -> tuple[Tensor, float]:
     """Evaluation points (N, 3) and the diameter, metres."""
     mesh = track.video.load_mesh()
     if track.video.points is not None:
@@ -197,8 +201,9 @@ def _beside(
         rows.append((label, *ours.get(one, none), *printed.rows.get(one, dashes)))
     means = [mean([values[k] for values in ours.values()]) for k in range(len(head))]
     rows.append(("mean of each column's objects", *means, *printed.averages))
-    return Table(name, title, ("object", *(f"ours {one}" for one in head), *printed.methods),
-                 tuple(rows))  # fmt: skip
+    return Table(
+        name, title, ("object", *(f"ours {one}" for one in head), *printed.methods), tuple(rows)
+    )
 
 
 def _counts(scores: Scores) -> Table:
@@ -216,8 +221,16 @@ def _pooled(scores: Scores) -> Table:
     for name, found in (("as tracked", scores.plain), ("+ shift (oracle)", scores.shifted)):
         add = torch.cat([one.add for one in found.values()])
         add_s = torch.cat([one.add_s for one in found.values()])
-        rows.append((name, len(add), 100 * voc_auc(add), 100 * voc_auc(add_s),
-                     100 * exact_auc(add), 100 * exact_auc(add_s)))  # fmt: skip
+        rows.append(
+            (
+                name,
+                len(add),
+                100 * voc_auc(add),
+                100 * voc_auc(add_s),
+                100 * exact_auc(add),
+                100 * exact_auc(add_s),
+            )
+        )
     head = ("", "frames", "ADD", "ADD-S", "exact ADD", "exact ADD-S")
     return Table("pooled", "All frames in one curve", head, tuple(rows))
 
@@ -230,7 +243,10 @@ def _shifts(scores: Scores) -> Table:
 
 
 def _bars(
-    name: str, label: str, ours: Mapping[str, tuple[float, ...]], printed: published.PaperTable
+    name: str,
+    label: str,
+    ours: Mapping[str, tuple[float, ...]],
+    printed: published.PaperTable,
 ) -> BarChart:
     objects = [*ours, *(one for one in printed.rows if one not in ours)]
 

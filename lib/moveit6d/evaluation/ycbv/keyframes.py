@@ -153,8 +153,18 @@ def figures(errors: Tensor, objects: Tensor, area: Area) -> tuple[float, float]:
 
 def keyframes_table(found: Mapping[str, KeyframeErrors], area: Area = auc.voc_auc) -> str:
     """Markdown table: one row a method, areas in percent, pooled and as the mean of objects."""
-    head = ["method", "rows", "missing", "ADD", "ADD-S", "ADD(-S)", "mean of objects: ADD",
-            "ADD-S", "ADD(-S)", "ADD-S<2cm"]  # fmt: skip
+    head = [
+        "method",
+        "rows",
+        "missing",
+        "ADD",
+        "ADD-S",
+        "ADD(-S)",
+        "mean of objects: ADD",
+        "ADD-S",
+        "ADD(-S)",
+        "ADD-S<2cm",
+    ]
     rows = []
     for name, one in found.items():
         pairs = [figures(errors, one.objects, area) for errors in (one.add, one.add_s, one.mixed)]

@@ -41,26 +41,26 @@ class AugmentConfig:
     photo_occluder: float = 0.45  # share of occluders cut from photos instead of other objects
     cropped: float = 0.0  # share of which only a rectangle shows, the photo around it
     crop: Range = (72.0, 96.0)  # height and width of that rectangle
-    marked: float = 0.0  # share of photos in which a board of dark and light squares lies
+    boards: float = 0.0  # share of photos in which a board of dark and light squares lies
     cluttered: float = 0.4  # share with other objects behind
     clutter: int = 1  # at most; each number is as likely
-    twins: float = 0.3  # share of those in which one is the same object: alike in colour
+    same_colour_distractors: float = 0.3  # share of those: the same object again
     background_blurred: float = 0.0  # share of photos that lie out of focus
     background_blur: Range = (0.5, 3.5)  # standard deviation
     shadowed: float = 0.3  # share with the edge of a shadow across the picture
     shadow: Range = (0.35, 0.8)  # what brightness a shadow leaves
     blurred: float = 0.4
     defocus: Range = (0.2, 1.4)  # standard deviation
-    smeared: float = 0.4  # share of the blurred ones that moved as well
+    motion_blurred: float = 0.4  # share of the blurred ones that moved as well
     motion: Range = (0.0, 16.0)  # length of the smear …
     motion_sigma: float = 0.0  # … or, above 0, |N(0, σ)| patch widths
     radial: float = 0.0  # share with a radial (zoom) blur
     radial_sigma: float = 0.05  # of its zoom
-    bent: float = 0.0  # share seen through a lens that the camera file gets wrong
-    bend: Range = (0.3, 1.5)  # how far off it is at the worst place of the patch
+    lens_error: float = 0.0  # share seen through a lens that the camera file gets wrong
+    lens_error_pixels: Range = (0.3, 1.5)  # how far off it is at the worst place of the patch
     sharpened: float = 0.15  # share that a camera has sharpened
     sharpness: Range = (0.3, 1.5)  # how much of the lost detail is added again
-    coarse: float = 0.4  # share seen at a lower resolution
+    downsampled: float = 0.4  # share seen at a lower resolution
     resolution: Range = (0.3, 0.95)  # of the patch's own; at 0.3 an object is 27 pixels wide
     jpeg: float = 0.35
     jpeg_quality: Range = (35.0, 92.0)
@@ -72,7 +72,7 @@ class AugmentConfig:
     border: float = 0.1  # share that reaches beyond the image: a black side
 
 
-class Dice:
+class RandomSource:
     """Random numbers of one generator in the forms that augmentation needs."""
 
     def __init__(self, generator: torch.Generator) -> None:
@@ -107,12 +107,12 @@ def paste(picture: Tensor, layer: Tensor, alpha: Tensor) -> Tensor:
 
 
 def scatter(
-    layers: Tensor, scale: Tensor, spread: float, dice: Dice, turned: bool = True
+    layers: Tensor, scale: Tensor, spread: float, rng: RandomSource, turned: bool = True
 ) -> Tensor:
     """Layers (B, C, N, N), shrunk by `scale` (B,), perhaps turned, put somewhere in the patch."""
     batch, size = len(layers), layers.shape[-1]
-    angle = dice.uniform(batch, between=(-3.14159, 3.14159)) * turned
-    place = (dice.uniform(batch, 2, between=(-0.5, 0.5)) * spread + 0.5) * size
+    angle = rng.uniform(batch, between=(-3.14159, 3.14159)) * turned
+    place = (rng.uniform(batch, 2, between=(-0.5, 0.5)) * spread + 0.5) * size
     cosine, sine = angle.cos() * scale, angle.sin() * scale
     matrix = torch.stack([cosine, -sine, sine, cosine], -1).reshape(batch, 2, 2)
     middle = layers.new_full((2,), size / 2)
@@ -122,41 +122,41 @@ def scatter(
     return warped
 
 
-def boards(count: int, size: int, dice: Dice) -> Tensor:
+def calibration_boards(count: int, size: int, rng: RandomSource) -> Tensor:
     """Calibration boards, markers and the like as they lie about: layers (count, 4, size, size)."""
-    dark, light = dice.uniform(2, count, 3, 1, 1)
-    squares = dice.uniform(count, 1, BOARD, BOARD) < 0.5
+    dark, light = rng.uniform(2, count, 3, 1, 1)
+    squares = rng.uniform(count, 1, BOARD, BOARD) < 0.5
     regular = (torch.arange(BOARD)[:, None] + torch.arange(BOARD)) % 2 == 0
-    squares = torch.where(dice.chance(count, 0.4)[:, None, None, None], regular, squares)
-    print_ = torch.where(squares, 0.25 * dark, 0.7 + 0.3 * light)
-    sheet = functional.interpolate(print_, (size, size), mode="nearest")
+    squares = torch.where(rng.chance(count, 0.4)[:, None, None, None], regular, squares)
+    pattern = torch.where(squares, 0.25 * dark, 0.7 + 0.3 * light)
+    sheet = functional.interpolate(pattern, (size, size), mode="nearest")
     whole = sheet.new_tensor([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]).expand(count, 4, 2)
     # Seen at a slant: foreshortened, turned, and each corner a little elsewhere.
-    scale = dice.uniform(count, 1, 2, between=(0.3, 2.5))
-    angle = dice.uniform(count, between=(-3.14159, 3.14159))
+    scale = rng.uniform(count, 1, 2, between=(0.3, 2.5))
+    angle = rng.uniform(count, between=(-3.14159, 3.14159))
     turn = torch.stack([angle.cos(), -angle.sin(), angle.sin(), angle.cos()], -1).view(-1, 2, 2)
-    corners = (whole - 0.5) * scale @ turn + dice.uniform(count, 1, 2)
-    corners = corners + dice.uniform(count, 4, 2, between=(-0.1, 0.1)) * scale
+    corners = (whole - 0.5) * scale @ turn + rng.uniform(count, 1, 2)
+    corners = corners + rng.uniform(count, 4, 2, between=(-0.1, 0.1)) * scale
     matrix = get_perspective_transform(whole * size, corners * size)
     layer = torch.cat([sheet, torch.ones_like(sheet[:, :1])], 1)
     seen: Tensor = warp_perspective(layer, matrix, (size, size), align_corners=False)
     return seen
 
 
-def cutout_masks(count: int, size: int, dice: Dice) -> Tensor:
+def cutout_masks(count: int, size: int, rng: RandomSource) -> Tensor:
     """Shapes of things cut from photos, (count, 1, size, size) 0/1: cards, bars and blobs."""
     line = torch.linspace(-1, 1, size)
     y, x = torch.meshgrid(line, line, indexing="ij")
-    wide, high = dice.uniform(2, count, 1, 1, between=(0.25, 1.0))
+    wide, high = rng.uniform(2, count, 1, 1, between=(0.25, 1.0))
     card = (x.abs() < wide) & (y.abs() < high)
-    coarse = dice.normal(count, 1, 6, 6)
+    coarse = rng.normal(count, 1, 6, 6)
     blob = functional.interpolate(coarse, (size, size), mode="bicubic", align_corners=False)[:, 0]
-    is_blob = dice.chance(count, 0.5)[:, None, None]
+    is_blob = rng.chance(count, 0.5)[:, None, None]
     return torch.where(is_blob, blob > 0.1, card).float()[:, None]
 
 
 def loose_things(
-    objects: Tensor, photos: Tensor, config: AugmentConfig, dice: Dice
+    objects: Tensor, photos: Tensor, config: AugmentConfig, rng: RandomSource
 ) -> Callable[[Tensor], Tensor]:
     """A source of occluders: other objects of the batch, and shapes cut from photos.
 
@@ -166,23 +166,23 @@ def loose_things(
 
     def draw(chosen: Tensor) -> Tensor:
         count = len(chosen)
-        things = objects[dice.permutation(len(objects))[:count]]
-        cut = dice.chance(count, config.photo_occluder).nonzero()[:, 0]
-        shape = cutout_masks(len(cut), objects.shape[-1], dice)
-        prints = photos[dice.permutation(len(photos))[: len(cut)]]
+        things = objects[rng.permutation(len(objects))[:count]]
+        cut = rng.chance(count, config.photo_occluder).nonzero()[:, 0]
+        shape = cutout_masks(len(cut), objects.shape[-1], rng)
+        prints = photos[rng.permutation(len(photos))[: len(cut)]]
         things[cut] = torch.cat([prints * shape, shape], 1)
         return things
 
     return draw
 
 
-def rounds(batch: int, share: float, most: int, dice: Dice) -> Iterator[Tensor]:
+def rounds(batch: int, share: float, most: int, rng: RandomSource) -> Iterator[Tensor]:
     """Which patches (n,) get a first thing, a second one, and so on to `most`.
 
     A `share` of the patches get any; of those each number of things is as likely.
     """
-    number = torch.randint(1, most + 1, (batch,), generator=dice.generator)
-    number = number * dice.chance(batch, share)
+    number = torch.randint(1, most + 1, (batch,), generator=rng.generator)
+    number = number * rng.chance(batch, share)
     for layer in range(most):
         chosen = (number > layer).nonzero()[:, 0]
         if not len(chosen):
@@ -191,20 +191,20 @@ def rounds(batch: int, share: float, most: int, dice: Dice) -> Iterator[Tensor]:
 
 
 def occlude(
-    picture: Tensor, things: Callable[[Tensor], Tensor], config: AugmentConfig, dice: Dice
+    picture: Tensor, things: Callable[[Tensor], Tensor], config: AugmentConfig, rng: RandomSource
 ) -> tuple[Tensor, Tensor]:
     """Put things in front: the picture (B, 3, N, N) and what they cover, alpha (B, 1, N, N).
 
     `things` draws layers (n, 4, N, N), colour times alpha and alpha, for the chosen patches (n,).
     """
-    picture, covered = picture.clone(), torch.zeros_like(picture[:, :1])
-    for chosen in rounds(len(picture), config.occluded, config.occluders, dice):
-        scale = dice.uniform(len(chosen), between=config.occluder_scale)
-        placed = scatter(things(chosen), scale, 1.0, dice, config.occluder_turned)
+    picture, occlusion = picture.clone(), torch.zeros_like(picture[:, :1])
+    for chosen in rounds(len(picture), config.occluded, config.occluders, rng):
+        scale = rng.uniform(len(chosen), between=config.occluder_scale)
+        placed = scatter(things(chosen), scale, 1.0, rng, config.occluder_turned)
         alpha = placed[:, 3:]
         picture[chosen] = over(picture[chosen], placed)
-        covered[chosen] = torch.maximum(covered[chosen], alpha)
-    return picture, covered
+        occlusion[chosen] = torch.maximum(occlusion[chosen], alpha)
+    return picture, occlusion
 
 
 def loose(layer: Tensor) -> tuple[Tensor, Tensor]:
@@ -214,46 +214,46 @@ def loose(layer: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def crop_region(
-    photos: Tensor, picture: Tensor, covered: Tensor, config: AugmentConfig, dice: Dice
+    photos: Tensor, picture: Tensor, occlusion: Tensor, config: AugmentConfig, rng: RandomSource
 ) -> tuple[Tensor, Tensor]:
     """Let only a rectangle of everything before the photo show, in a part of the batch.
 
     Returns the picture and what is covered now. Paper, "Data Augmentation Details", last sentence.
     """
     batch, size = len(picture), picture.shape[-1]
-    chosen = dice.chance(batch, config.cropped)
-    extent = dice.uniform(2, batch, between=config.crop).round()
-    start = (dice.uniform(2, batch) * (size - extent + 1)).floor()
+    chosen = rng.chance(batch, config.cropped)
+    extent = rng.uniform(2, batch, between=config.crop).round()
+    start = (rng.uniform(2, batch) * (size - extent + 1)).floor()
     line = torch.arange(size).float()
     inside = (line >= start[..., None]) & (line < (start + extent)[..., None])  # (2, B, N)
     window = (inside[0, :, :, None] & inside[1, :, None, :])[:, None]
     hidden = (chosen[:, None, None, None] & ~window).float()
-    return paste(picture, photos, hidden), torch.maximum(covered, hidden)
+    return paste(picture, photos, hidden), torch.maximum(occlusion, hidden)
 
 
-def shadow(picture: Tensor, config: AugmentConfig, dice: Dice) -> Tensor:
+def shadow(picture: Tensor, config: AugmentConfig, rng: RandomSource) -> Tensor:
     """The edge of a shadow, soft and straight, across a part of the batch."""
     batch, size = len(picture), picture.shape[-1]
     line = torch.linspace(-1, 1, size)
     y, x = torch.meshgrid(line, line, indexing="ij")
-    angle = dice.uniform(batch, between=(-3.14159, 3.14159))[:, None, None]
-    place = dice.uniform(batch, between=(-0.6, 0.6))[:, None, None]
-    width = dice.uniform(batch, between=(0.02, 0.3))[:, None, None]
+    angle = rng.uniform(batch, between=(-3.14159, 3.14159))[:, None, None]
+    place = rng.uniform(batch, between=(-0.6, 0.6))[:, None, None]
+    width = rng.uniform(batch, between=(0.02, 0.3))[:, None, None]
     share = torch.sigmoid((x * angle.cos() + y * angle.sin() - place) / width)
-    depth = 1 - dice.uniform(batch, between=config.shadow)
-    depth = depth * dice.chance(batch, config.shadowed)
+    depth = 1 - rng.uniform(batch, between=config.shadow)
+    depth = depth * rng.chance(batch, config.shadowed)
     return picture * (1 - share * depth[:, None, None])[:, None]
 
 
-def cut_border(picture: Tensor, config: AugmentConfig, dice: Dice) -> tuple[Tensor, Tensor]:
+def cut_border(picture: Tensor, config: AugmentConfig, rng: RandomSource) -> tuple[Tensor, Tensor]:
     """Black sides where the patch reaches beyond the image: the picture and the border mask."""
     batch, size = len(picture), picture.shape[-1]
-    width = dice.uniform(batch, between=(0.05, 0.45)) * size * dice.chance(batch, config.border)
+    width = rng.uniform(batch, between=(0.05, 0.45)) * size * rng.chance(batch, config.border)
     line = torch.arange(size).float()
     outside = (line[None] < width[:, None]).float()
-    flip = dice.chance(batch, 0.5)[:, None]
+    flip = rng.chance(batch, 0.5)[:, None]
     outside = torch.where(flip, outside.flip(-1), outside)
-    vertical = dice.chance(batch, 0.5)[:, None, None, None]
+    vertical = rng.chance(batch, 0.5)[:, None, None, None]
     border = torch.where(vertical, outside[:, None, :, None], outside[:, None, None, :])
     border = border.expand(batch, 1, size, size)
     return picture * (1 - border), border

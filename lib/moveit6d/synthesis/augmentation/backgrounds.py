@@ -50,8 +50,9 @@ def _room(
         if narrow > 1:  # seen obliquely: the far edge shows more of the floor
             squeeze = (narrow / width * 2) / height
             data = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, squeeze)
-            floor = floor.transform((width, height), Image.Transform.PERSPECTIVE, data,
-                                    Image.Resampling.BILINEAR)  # fmt: skip
+            floor = floor.transform(
+                (width, height), Image.Transform.PERSPECTIVE, data, Image.Resampling.BILINEAR
+            )
         else:
             floor = floor.transform((width, height), Image.Transform.QUAD, corners)
         image.paste(floor.resize((width, height - edge), Image.Resampling.BILINEAR), (0, edge))
@@ -147,8 +148,11 @@ def _leaves(rng: np.random.Generator, image: Image.Image, palette: Sequence[Colo
         middle = (x + 0.5 * length * np.cos(angle), y + 0.5 * length * np.sin(angle))
         end = (middle[0] + 0.5 * length * np.cos(bend), middle[1] + 0.5 * length * np.sin(bend))
         r, g, b = (colour * rng.uniform(0.5, 1.3)).clip(0, 255).astype(int).tolist()
-        path = [(float(x), float(y)), (float(middle[0]), float(middle[1])),
-                (float(end[0]), float(end[1]))]  # fmt: skip
+        path = [
+            (float(x), float(y)),
+            (float(middle[0]), float(middle[1])),
+            (float(end[0]), float(end[1])),
+        ]
         draw.line(path, fill=(r, g, b), width=int(rng.integers(1, 6)), joint="curve")
 
 
@@ -157,8 +161,8 @@ def _light(rng: np.random.Generator, height: int, width: int) -> NDArray[np.floa
     y, x = np.mgrid[0:height, 0:width].astype(np.float32) / max(height, width)
     total = np.full((height, width), 0.5, np.float32)
     for _ in range(int(rng.integers(1, 4))):
-        lamp, reach = rng.uniform(-0.3, 1.3, 2), rng.uniform(0.2, 1.2)
-        total += np.exp(-((x - lamp[0]) ** 2 + (y - lamp[1]) ** 2) / reach**2)
+        light, reach = rng.uniform(-0.3, 1.3, 2), rng.uniform(0.2, 1.2)
+        total += np.exp(-((x - light[0]) ** 2 + (y - light[1]) ** 2) / reach**2)
     return np.asarray(total / total.mean() * rng.uniform(0.75, 1.2), np.float32)
 
 

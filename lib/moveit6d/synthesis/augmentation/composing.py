@@ -18,8 +18,8 @@ from ...geometry.mesh import Mesh
 from ...rendering.renderer import GBuffer, Renderer
 from .augment import (
     AugmentConfig,
-    Dice,
-    boards,
+    RandomSource,
+    calibration_boards,
     crop_region,
     cut_border,
     loose,
@@ -31,7 +31,15 @@ from .augment import (
     shadow,
 )
 from .hands import HandConfig, Hands
-from .lens_effects import bend, blur, defocus_background, degrade, radial_blur, recolour, sharpen
+from .lens_effects import (
+    blur,
+    defocus_background,
+    degrade,
+    perturb_lens,
+    radial_blur,
+    recolour,
+    sharpen,
+)
 from .lighting import LightConfig, light
 from .occluder_bank import BankConfig, OccluderBank
 from .photos import random_square
@@ -42,10 +50,10 @@ class Composer:
 
     def __init__(
         self, photos: Sequence[np.ndarray], augment: AugmentConfig, lights: LightConfig,
-        random: np.random.Generator, dice: Dice,
+        random: np.random.Generator, rng: RandomSource,
     ) -> None:  # fmt: skip
         self.photos, self.augment, self.lights = list(photos), augment, lights
-        self.random, self.dice = random, dice
+        self.random, self.rng = random, rng
         self.bank: OccluderBank | None = None
         self.hands: Hands | None = None
 
@@ -55,12 +63,12 @@ class Composer:
     ) -> None:  # fmt: skip
         """Take occluders from a bank of these meshes' patches; of size 0, from none."""
         if config.size > 0:
-            self.bank = OccluderBank(meshes, config, renderer, self.lights, distance, self.dice)
+            self.bank = OccluderBank(meshes, config, renderer, self.lights, distance, self.rng)
 
     def use_hands(self, config: HandConfig, renderer: Renderer) -> None:
         """Put hands and cards in front as well."""
         if config.share > 0:
-            parts = (renderer, self.lights, self.random, self.dice)
+            parts = (renderer, self.lights, self.random, self.rng)
             self.hands = Hands(config, self.photos, *parts)
 
     def picture(self, observed: GBuffer, depth: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
@@ -69,64 +77,67 @@ class Composer:
         `depth` (B, 1, 128, 128) is relative to the look-at view's centre and `distance` (B,) that
         centre's, in diameters.
         """
-        augment, dice, batch = self.augment, self.dice, len(distance)
+        augment, rng, batch = self.augment, self.rng, len(distance)
         lit = light(
             observed.albedo, observed.normal, depth, observed.mask, distance,
-            self.lights, dice.generator,
+            self.lights, rng.generator,
         )  # fmt: skip
         layer = torch.cat([lit * observed.mask, observed.mask], 1)
-        ground = defocus_background(self._photos(batch), augment, dice)
-        ground = self._cluttered(ground, layer)
-        picture = over(ground, self._imaged_layer(soft_edge(layer)))
-        picture, covered = occlude(picture, self._things(layer), augment, dice)
+        background = defocus_background(self._photos(batch), augment, rng)
+        background = self._cluttered(background, layer)
+        picture = over(background, self._imaged_layer(soft_edge(layer)))
+        picture, occlusion = occlude(picture, self._things(layer), augment, rng)
         if self.hands is not None:
             chosen, fronts = self.hands.draw(batch, distance)
             picture[chosen] = over(picture[chosen], soft_edge(fronts))
-            covered[chosen] = torch.maximum(covered[chosen], fronts[:, 3:])
-        picture, covered = crop_region(ground, picture, covered, augment, dice)
-        picture, border = cut_border(self._taken(picture).clamp(0, 1), augment, dice)
-        return (picture * 255).round() / 255, (covered < 0.5) * (1 - border)
+            occlusion[chosen] = torch.maximum(occlusion[chosen], fronts[:, 3:])
+        picture, occlusion = crop_region(background, picture, occlusion, augment, rng)
+        picture, border = cut_border(self._taken(picture).clamp(0, 1), augment, rng)
+        return (picture * 255).round() / 255, (occlusion < 0.5) * (1 - border)
 
     def _taken(self, picture: Tensor) -> Tensor:
         """The picture as the camera takes it."""
-        augment, dice, whole = self.augment, self.dice, self.augment.acts_on == "picture"
-        picture = shadow(picture, augment, dice)
+        augment, rng, whole = self.augment, self.rng, self.augment.acts_on == "picture"
+        picture = shadow(picture, augment, rng)
         if whole:
-            picture = radial_blur(blur(picture, augment, dice), augment, dice)
-        picture = bend(picture, augment, dice)
-        picture = degrade(picture, augment, dice)
-        picture = sharpen(picture, augment, dice)
-        return recolour(picture, augment, dice) if whole else picture
+            picture = radial_blur(blur(picture, augment, rng), augment, rng)
+        picture = perturb_lens(picture, augment, rng)
+        picture = degrade(picture, augment, rng)
+        picture = sharpen(picture, augment, rng)
+        return recolour(picture, augment, rng) if whole else picture
 
     def _imaged_layer(self, layer: Tensor) -> Tensor:
         """Blur and colour of one layer alone, if that is what they act on."""
         if self.augment.acts_on == "picture":
             return layer
-        layer = radial_blur(blur(layer, self.augment, self.dice), self.augment, self.dice)
+        layer = radial_blur(blur(layer, self.augment, self.rng), self.augment, self.rng)
         colour, alpha = loose(layer)
-        colour = recolour(colour, self.augment, self.dice).clamp(0, 1)
+        colour = recolour(colour, self.augment, self.rng).clamp(0, 1)
         return torch.cat([colour * alpha, alpha], 1)
 
-    def _cluttered(self, ground: Tensor, layer: Tensor) -> Tensor:
+    def _cluttered(self, background: Tensor, layer: Tensor) -> Tensor:
         """Photos (B, 3, N, N) with boards and other objects of the batch in a part of them."""
-        augment, dice, batch = self.augment, self.dice, len(ground)
-        ground = ground.clone()
-        marked = dice.chance(batch, augment.marked).nonzero()[:, 0]
-        if len(marked):
-            ground[marked] = over(ground[marked], boards(len(marked), ground.shape[-1], dice))
-        several = rounds(batch, augment.cluttered, augment.clutter, dice)
+        augment, rng, batch = self.augment, self.rng, len(background)
+        background = background.clone()
+        with_board = rng.chance(batch, augment.boards).nonzero()[:, 0]
+        if len(with_board):
+            background[with_board] = over(
+                background[with_board],
+                calibration_boards(len(with_board), background.shape[-1], rng),
+            )
+        several = rounds(batch, augment.cluttered, augment.clutter, rng)
         for layers, behind in enumerate(several):
-            twin = dice.chance(len(behind), augment.twins) & (layers == 0)
-            other = torch.where(twin, behind, dice.permutation(batch)[: len(behind)])
-            placed = scatter(layer[other], dice.uniform(len(behind), between=(0.4, 1.1)), 1.0, dice)
-            ground[behind] = over(ground[behind], placed)
-        return ground
+            same_colour = rng.chance(len(behind), augment.same_colour_distractors) & (layers == 0)
+            other = torch.where(same_colour, behind, rng.permutation(batch)[: len(behind)])
+            placed = scatter(layer[other], rng.uniform(len(behind), between=(0.4, 1.1)), 1.0, rng)
+            background[behind] = over(background[behind], placed)
+        return background
 
     def _things(self, layer: Tensor) -> Callable[[Tensor], Tensor]:
         """Where occluders come from."""
         bank = self.bank
         if bank is None:
-            return loose_things(layer, self._photos(len(layer)), self.augment, self.dice)
+            return loose_things(layer, self._photos(len(layer)), self.augment, self.rng)
         bank.grow()
         return lambda chosen: self._imaged_layer(bank.draw(len(chosen)))
 

@@ -18,7 +18,7 @@ from ...geometry.crop import OBJECT_SIZE, PATCH_SIZE
 from ...geometry.pose import Pose
 from ...geometry.rotation import random_rotations
 from ...rendering.renderer import Renderer
-from .augment import Dice
+from .augment import RandomSource
 from .lighting import LightConfig
 from .occluder_bank import lit_layers
 from .occluders import Occluder, card, hand
@@ -45,10 +45,10 @@ class Hands:
 
     def __init__(
         self, config: HandConfig, photos: Sequence[np.ndarray], renderer: Renderer,
-        lights: LightConfig, random: np.random.Generator, dice: Dice,
+        lights: LightConfig, random: np.random.Generator, rng: RandomSource,
     ) -> None:  # fmt: skip
         self.config, self.photos, self.renderer = config, photos, renderer
-        self.lights, self.random, self.dice = lights, random, dice
+        self.lights, self.random, self.rng = lights, random, rng
         self.kept: list[Occluder] = []
         self.batches = 0
 
@@ -57,7 +57,7 @@ class Hands:
 
         `distance` (B,) in diameters gives each patch's perspective.
         """
-        chosen = self.dice.chance(batch, self.config.share).nonzero()[:, 0]
+        chosen = self.rng.chance(batch, self.config.share).nonzero()[:, 0]
         if not len(chosen):
             return chosen, torch.zeros(0, 4, PATCH_SIZE, PATCH_SIZE)
         self._renew()
@@ -65,7 +65,7 @@ class Hands:
         near = distance[chosen].double()
         poses = self._poses(things, OBJECT_SIZE * near)
         meshes = [thing.mesh for thing in things]
-        return chosen, lit_layers(self.renderer, meshes, poses, near, self.lights, self.dice)
+        return chosen, lit_layers(self.renderer, meshes, poses, near, self.lights, self.rng)
 
     def _renew(self) -> None:
         """One more while there are few, and one replaced now and then."""
@@ -83,12 +83,12 @@ class Hands:
     def _poses(self, things: Sequence[Occluder], focal: Tensor) -> Pose:
         """Fingertips and cards somewhere in the patch; arms leave it by the nearest side or so."""
         count = len(things)
-        place = self.dice.uniform(count, 2, between=(-0.5, 0.5)).double()
+        place = self.rng.uniform(count, 2, between=(-0.5, 0.5)).double()
         place = place * self.config.spread * PATCH_SIZE
-        depth = focal * WIDTH / self.dice.uniform(count, between=self.config.width)
+        depth = focal * WIDTH / self.rng.uniform(count, between=self.config.width)
         outward = torch.atan2(place[:, 1], place[:, 0])
-        outward = outward + self.dice.uniform(count, between=(-1.2, 1.2))
-        free = random_rotations(count, self.dice.generator)
+        outward = outward + self.rng.uniform(count, between=(-1.2, 1.2))
+        free = random_rotations(count, self.rng.generator)
         turns = [
             free[k] if things[k].along is None else self._reaching(float(outward[k]))
             for k in range(count)
@@ -103,7 +103,7 @@ class Hands:
 
         Of the two sides of a hand either may be seen.
         """
-        tilt, roll = self.dice.uniform(2, between=(-1.0, 1.0)).tolist()
+        tilt, roll = self.rng.uniform(2, between=(-1.0, 1.0)).tolist()
         flip = math.pi * (self.random.random() < 0.5)
         about_y = _turn(1, flip + 0.7 * roll)
         about_x = _turn(0, 0.35 * tilt)

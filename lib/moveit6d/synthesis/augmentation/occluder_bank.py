@@ -20,7 +20,7 @@ from ...geometry.mesh import Mesh, sphere_diameters
 from ...geometry.pose import Pose
 from ...geometry.rotation import random_rotations
 from ...rendering.renderer import Renderer
-from .augment import Dice
+from .augment import RandomSource
 from .lighting import LightConfig, light
 
 Range = tuple[float, float]
@@ -41,10 +41,10 @@ class OccluderBank:
 
     def __init__(
         self, meshes: Sequence[Mesh], config: BankConfig, renderer: Renderer,
-        lights: LightConfig, distance: Range, dice: Dice,
+        lights: LightConfig, distance: Range, rng: RandomSource,
     ) -> None:  # fmt: skip
         self.meshes, self.config, self.renderer = meshes, config, renderer
-        self.lights, self.distance, self.dice = lights, distance, dice
+        self.lights, self.distance, self.rng = lights, distance, rng
         side = int(config.resized[1])
         # Pages of memory that nothing has been written to cost nothing.
         self.patches = torch.empty(config.size, 4, side, side, dtype=torch.uint8)
@@ -59,23 +59,23 @@ class OccluderBank:
 
     def draw(self, count: int) -> Tensor:
         """Random patches in the middle of empty ones of full size: (count, 4, 128, 128)."""
-        index = torch.randint(self.filled, (count,), generator=self.dice.generator)
+        index = torch.randint(self.filled, (count,), generator=self.rng.generator)
         margin = PATCH_SIZE - self.patches.shape[-1]
         before = margin // 2
         sides = (before, margin - before, before, margin - before)
         return functional.pad(self.patches[index].float() / 255, sides)
 
     def _render(self, count: int) -> Tensor:
-        dice, side = self.dice, self.patches.shape[-1]
-        which = torch.randint(len(self.meshes), (count,), generator=dice.generator)
+        rng, side = self.rng, self.patches.shape[-1]
+        which = torch.randint(len(self.meshes), (count,), generator=rng.generator)
         meshes = [self.meshes[int(k)] for k in which]
         low, high = np.log(self.distance)
-        distance = torch.exp(dice.uniform(count, between=(low, high))).double()
+        distance = torch.exp(rng.uniform(count, between=(low, high))).double()
         diameter = sphere_diameters(meshes)
         ahead = torch.zeros(count, 3, dtype=torch.float64)
         ahead[:, 2] = distance * diameter
-        poses = Pose(random_rotations(count, dice.generator), ahead)
-        layers = lit_layers(self.renderer, meshes, poses, distance, self.lights, dice)
+        poses = Pose(random_rotations(count, rng.generator), ahead)
+        layers = lit_layers(self.renderer, meshes, poses, distance, self.lights, rng)
         result = torch.zeros(count, 4, side, side)
         for number, layer in enumerate(layers):
             cut = self._cut(layer)
@@ -85,10 +85,10 @@ class OccluderBank:
 
     def _cut(self, layer: Tensor) -> Tensor:
         """A random part of a layer (4, 128, 128), made smaller: (4, h, w)."""
-        high, wide = self.dice.uniform(2, between=self.config.crop).round().int().tolist()
-        small = self.dice.uniform(2, between=self.config.resized).round().int().tolist()
+        high, wide = self.rng.uniform(2, between=self.config.crop).round().int().tolist()
+        small = self.rng.uniform(2, between=self.config.resized).round().int().tolist()
         top, left = (
-            int(self.dice.uniform(1).item() * (PATCH_SIZE - extent + 1)) for extent in (high, wide)
+            int(self.rng.uniform(1).item() * (PATCH_SIZE - extent + 1)) for extent in (high, wide)
         )
         part = layer[None, :, top : top + high, left : left + wide]
         return functional.interpolate(
@@ -98,7 +98,7 @@ class OccluderBank:
 
 def lit_layers(
     renderer: Renderer, meshes: Sequence[Mesh], poses: Pose, distance: Tensor,
-    lights: LightConfig, dice: Dice,
+    lights: LightConfig, rng: RandomSource,
 ) -> Tensor:  # fmt: skip
     """Meshes seen in look-at patches, lit: (B, 4, 128, 128), colour × mask and mask.
 
@@ -110,7 +110,7 @@ def lit_layers(
     unit = (poses.translation[:, 2] / distance).float()[:, None, None, None]
     near = distance.float()
     depth = (seen.depth / unit - near[:, None, None, None]) * seen.mask
-    lit = light(seen.albedo, seen.normal, depth, seen.mask, near, lights, dice.generator)
+    lit = light(seen.albedo, seen.normal, depth, seen.mask, near, lights, rng.generator)
     return torch.cat([lit * seen.mask, seen.mask], 1)
 
 

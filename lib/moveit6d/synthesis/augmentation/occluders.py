@@ -54,10 +54,10 @@ def card(
     size = scale * np.array([rng.uniform(0.07, 0.12), rng.uniform(0.08, 0.15), 0.002])
     part = make.box(size)
     if photos:
-        print_ = photo_crop(rng, photos, 256, 384)
+        texture = photo_crop(rng, photos, 256, 384)
     else:
-        print_ = paint(rng, 256, 384, random_palette(rng))
-    mesh = Mesh.from_arrays("card", part.vertices, part.faces, uv=part.uv, texture=print_)
+        texture = paint(rng, 256, 384, random_palette(rng))
+    mesh = Mesh.from_arrays("card", part.vertices, part.faces, uv=part.uv, texture=texture)
     return Occluder("card", mesh, np.zeros(3), None)
 
 
@@ -67,10 +67,10 @@ def board(
     """A flat board of width × height metres, printed, its middle in the file frame's origin."""
     part = make.box(np.array([*size, 0.02 * min(size)]))
     if photos:
-        print_ = photo_crop(rng, photos, 256, 384)
+        texture = photo_crop(rng, photos, 256, 384)
     else:
-        print_ = paint(rng, 256, 384, random_palette(rng))
-    return Mesh.from_arrays("board", part.vertices, part.faces, uv=part.uv, texture=print_)
+        texture = paint(rng, 256, 384, random_palette(rng))
+    return Mesh.from_arrays("board", part.vertices, part.faces, uv=part.uv, texture=texture)
 
 
 def hand(rng: np.random.Generator, scale: float = 1.0) -> Occluder:
@@ -88,9 +88,9 @@ def hand(rng: np.random.Generator, scale: float = 1.0) -> Occluder:
     parts.append(_finger(np.array([-0.036, -0.015, 0.0]), thumb_turn, 0.2, 0.062, 0.0115))
     wrist = np.array([[0, y, 0.0] for y in np.linspace(-0.03, -0.42, 9)])
     arm = make.tube(wrist, np.linspace(0.026, 0.042, 9), 20).scaled((1.1, 1, 0.8))
-    bare = rng.random() < 0.4
-    parts.append(arm if bare else replace(arm, skin=1))
-    if not bare:
+    bare_arm = rng.random() < 0.4
+    parts.append(arm if bare_arm else replace(arm, skin=1))
+    if not bare_arm:
         cuff = make.tube(np.array([[0, -0.075, 0], [0, -0.10, 0.0]]), 0.036, 20)
         parts.append(replace(cuff.scaled((1.1, 1, 0.9)), skin=1))
     mirrored = (-1 if rng.random() < 0.5 else 1, 1, 1)
@@ -104,10 +104,10 @@ def hand(rng: np.random.Generator, scale: float = 1.0) -> Occluder:
 
 def _finger(start: Floats, turn: float, curl: float, length: float, radius: float) -> Part:
     """A finger from `start` along +y turned in the palm's plane by `turn`, curling towards +z."""
-    points, place, bent = [start], start, 0.0
+    points, place, angle = [start], start, 0.0
     for joint in range(9):
-        bent += curl * (0.25 if joint in (2, 3, 5, 6) else 0.02)
-        step = np.array([np.sin(turn) * np.cos(bent), np.cos(turn) * np.cos(bent), np.sin(bent)])
+        angle += curl * (0.25 if joint in (2, 3, 5, 6) else 0.02)
+        step = np.array([np.sin(turn) * np.cos(angle), np.cos(turn) * np.cos(angle), np.sin(angle)])
         place = place + step * length / 9
         points.append(place)
     thickness = radius * np.array([1.0, 1.02, 0.98, 0.96, 0.98, 0.93, 0.9, 0.86, 0.75, 0.42])

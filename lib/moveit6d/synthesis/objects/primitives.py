@@ -133,8 +133,14 @@ def prism(outline: Floats, height: float) -> Part:
     ring = np.concatenate([outline, outline[:1]])
     inner = 0.96 * ring
     half = height / 2
-    steps = [(0 * ring, half), (inner, half), (ring, 0.9 * half), (ring, -0.9 * half),
-             (inner, -half), (0 * ring, -half)]  # fmt: skip
+    steps = [
+        (0 * ring, half),
+        (inner, half),
+        (ring, 0.9 * half),
+        (ring, -0.9 * half),
+        (inner, -half),
+        (0 * ring, -half),
+    ]
     rows = [np.concatenate([xy, np.full((len(ring), 1), z)], 1) for xy, z in steps]
     part = sheet(np.stack(rows))
     # Seen from above and below the texture lies flat on the outline.

@@ -43,17 +43,26 @@ def random_object(
 
 
 def assembled(
-    name: str, parts: list[Part], texture: Picture, size: float, turn: Floats, offset: Floats,
+    name: str,
+    parts: list[Part],
+    texture: Picture,
+    size: float,
+    turn: Floats,
+    offset: Floats,
     symmetries: Symmetries,
-) -> Mesh:  # fmt: skip
+) -> Mesh:
     """Parts about the origin as one object of a largest extent `size`, turned, then shifted."""
     whole = make.join(parts)
     points = whole.vertices @ turn.T
     points = points * (size / float(np.ptp(points, axis=0).max())) + offset
     return Mesh.from_arrays(
-        name, points, whole.faces, uv=whole.uv, texture=texture,
+        name,
+        points,
+        whole.faces,
+        uv=whole.uv,
+        texture=texture,
         symmetries=placed(symmetries, turn, offset),
-    )  # fmt: skip
+    )
 
 
 def _skinned(
@@ -68,8 +77,8 @@ def _skinned(
     plain = rng.random() < 0.12
     for number, skin in enumerate(skins):
         charts = max(part.charts for part in parts if part.skin == skin)
-        bare = plain or (len(skins) > 1 and rng.random() < 0.2)
-        tile = _tile(rng, side, charts, palette, photos, bare)
+        unprinted = plain or (len(skins) > 1 and rng.random() < 0.2)
+        tile = _tile(rng, side, charts, palette, photos, unprinted)
         row, column = divmod(number, columns)
         texture[row * side : (row + 1) * side, column * side : (column + 1) * side] = tile
     tiles = [(skins.index(part.skin), columns, side, TEXTURE) for part in parts]

@@ -307,9 +307,9 @@ def _rgb(hue: float, saturation: float, value: float) -> Colour:
     return round(255 * r), round(255 * g), round(255 * b)
 
 
-Ground = Callable[[np.random.Generator, int, int, Sequence[Colour]], Picture]
+MovingBackground = Callable[[np.random.Generator, int, int, Sequence[Colour]], Picture]
 Decoration = Callable[[np.random.Generator, Image.Image, Sequence[Colour]], None]
-GROUNDS: tuple[Ground, ...] = (
+GROUNDS: tuple[MovingBackground, ...] = (
     _solid, _gradient, _marble, _wood, _stripes, _checks, _cells, _dots,
 )  # fmt: skip
 DECORATIONS: tuple[Decoration, ...] = (

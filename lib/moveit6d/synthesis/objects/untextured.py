@@ -18,7 +18,7 @@ KEPT = 0.25  # of the print's contrast, at most
 SAMPLES = 2000  # points at which a surface's colour is read
 
 
-def bare_copy(rng: np.random.Generator, mesh: Mesh) -> Mesh:
+def untextured_copy(rng: np.random.Generator, mesh: Mesh) -> Mesh:
     """The mesh in one colour, its own mean or any other, with what is left of its print."""
     colours = mesh.texture if mesh.texture is not None else mesh.vertex_colors
     assert colours is not None

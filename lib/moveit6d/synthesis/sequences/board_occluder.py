@@ -31,7 +31,7 @@ SMOOTH = np.array([0.25, 0.5, 0.25])
 
 
 @dataclass(frozen=True)
-class Screen:
+class BoardOccluder:
     """A board that goes with the object; `edge` is how far from its centre it begins, pixels."""
 
     kind: str
@@ -64,7 +64,7 @@ class Screen:
         return Pose(turn, place - turn @ torch.from_numpy(self.middle))
 
 
-def plan_screen(
+def plan_board_occluder(
     rng: np.random.Generator,
     renderer: Renderer,
     mesh: Mesh,
@@ -74,7 +74,7 @@ def plan_screen(
     side: Side,
     share: float,
     photos: Sequence[NDArray[np.uint8]] | None = None,
-) -> Screen:
+) -> BoardOccluder:
     """A board that hides `share` of the object's silhouette from below or from a side.
 
     The edge is placed where that share of the silhouette's pixels lies beyond it, every few frames,
@@ -90,7 +90,7 @@ def plan_screen(
         [_edge(renderer, mesh, motion, float(m), along, share) for m in moments.clip(0, frames - 1)]
     )
     padded = np.pad(edge, 1, mode="edge")
-    return Screen(
+    return BoardOccluder(
         kind=f"board {side}",
         mesh=face,
         motion=motion,

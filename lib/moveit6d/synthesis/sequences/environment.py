@@ -20,19 +20,19 @@ from ...rendering.renderer import Renderer
 from ..augmentation.backgrounds import procedural_photo
 from ..objects.primitives import rotation
 from ..objects.shapes import random_object
-from .difficulty import Level
-from .image_formation import Frame, Light, Material, lay, linear, render_layers
-from .motion import Wander
+from .difficulty import Difficulty
+from .image_formation import Frame, Light, Material, composite, linear, render_layers
+from .motion import SmoothPath
 
 Picture = NDArray[np.uint8]  # (H, W, 3)
 
 
-class Lamp:
+class LightOverTime:
     """Light and exposure over time."""
 
     def __init__(self, rng: np.random.Generator, change: float) -> None:
         self._change = change
-        self._way = Wander(rng, 6)
+        self._way = SmoothPath(rng, 6)
         self._pace = 2 * np.pi / rng.uniform(40, 90)
         self._azimuth, self._height = rng.uniform(0, 2 * np.pi), rng.uniform(0.3, 1.1)
         self._strength, self._around = rng.uniform(0.6, 1.0), rng.uniform(0.35, 0.6)
@@ -53,13 +53,13 @@ class Lamp:
         light = Light((x / length, y / length, z / length), color, (dim, dim, dim))
         return light, math.exp(0.25 * exposure)
 
-    def glow(self, number: int) -> float:
+    def brightness(self, number: int) -> float:
         """How bright the background is."""
         light, _ = self(number)
         return 0.6 + 0.4 * (light.key[1] + light.ambient[1]) / (self._strength + self._around)
 
 
-class Ground:
+class MovingBackground:
     """A picture larger than the frame behind everything, moving slowly, out of focus."""
 
     def __init__(
@@ -68,7 +68,7 @@ class Ground:
         renderer: Renderer,
         camera: Camera,
         mesh: Mesh,
-        level: Level,
+        difficulty: Difficulty,
         photos: Sequence[Picture] | None,
     ) -> None:
         import cv2
@@ -80,16 +80,16 @@ class Ground:
             picture = _covering(chosen, large)
         else:
             picture = procedural_photo(rng, large)
-        if level.alike:
-            picture = _recolored(picture, mesh, level.alike)
+        if difficulty.colour_similarity:
+            picture = _recolored(picture, mesh, difficulty.colour_similarity)
         blurred = cv2.GaussianBlur(picture, (0, 0), rng.uniform(1.2, 3.0) * camera.width / 640)
         self._picture = linear(blurred)
         depth = np.full(large, np.inf, np.float32)
-        for _ in range(int(rng.integers(level.clutter[0], level.clutter[1] + 1))):
+        for _ in range(int(rng.integers(difficulty.clutter[0], difficulty.clutter[1] + 1))):
             self._add_clutter(rng, renderer, depth, photos)
-        self._way = Wander(rng, 4)
+        self._way = SmoothPath(rng, 4)
         # Slow levels drift about 1 pixel a frame, fast ones a few.
-        speed = 0.5 + 0.03 * sum(level.pixels_per_frame)
+        speed = 0.5 + 0.03 * sum(difficulty.pixels_per_frame)
         self._pace = 2 * math.pi / 120 * speed
         self._middle = ((large[1] - 1) / 2, (large[0] - 1) / 2)
 
@@ -131,7 +131,7 @@ class Ground:
         light = Light((0.3, -0.8, -0.52), (0.7, 0.7, 0.7), (0.45, 0.45, 0.45))
         zero = np.zeros((1, 2))
         for layer in render_layers(renderer, thing, batch, camera, zero, light, Material()):
-            lay(self._picture, depth, layer)
+            composite(self._picture, depth, layer)
 
 
 def _covering(photo: Picture, size: tuple[int, int]) -> Picture:

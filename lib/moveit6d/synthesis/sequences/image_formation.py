@@ -114,7 +114,7 @@ def shade(gbuffer: GBuffer, light: Light, material: Material, lit: Tensor | floa
     return (color + material.gloss * key * shine) * gbuffer.mask
 
 
-def lay(frame: Frame, depth: NDArray[np.float32], layer: Layer) -> None:
+def composite(frame: Frame, depth: NDArray[np.float32], layer: Layer) -> None:
     """Put a layer over a frame where it is nearer than `depth` (H, W), which is kept up to date."""
     height, width = depth.shape
     size = len(layer.depth)

@@ -21,7 +21,7 @@ SUBSTEPS = 16  # of a frame, where turning speed is integrated
 _TURNS = 5  # sines a coordinate
 
 
-class Wander:
+class SmoothPath:
     """A random smooth curve through [-1, 1]ⁿ: sums of slow sines. Never leaves it."""
 
     def __init__(self, rng: np.random.Generator, axes: int) -> None:
@@ -41,7 +41,7 @@ class Motion:
     """Where an object is at each moment: pixel of its centre, depth in metres and rotation."""
 
     camera: Camera
-    path: Wander  # of the pixel and the depth
+    path: SmoothPath  # of the pixel and the depth
     rate: float  # radians of the path a frame
     center: tuple[float, float]  # pixels
     reach: tuple[float, float]  # pixels
@@ -101,7 +101,7 @@ def random_motion(
         max(0.08 * camera.width, 0.5 * camera.width - radius),
         max(0.08 * camera.height, 0.5 * camera.height - radius),
     )
-    path = Wander(rng, 3)
+    path = SmoothPath(rng, 3)
     motion = Motion(
         camera=camera,
         path=path,
@@ -115,7 +115,7 @@ def random_motion(
     return motion
 
 
-def _rate(path: Wander, reach: tuple[float, float], frames: int, speed: float) -> float:
+def _rate(path: SmoothPath, reach: tuple[float, float], frames: int, speed: float) -> float:
     """Radians of the path a frame so that its fastest moment has this speed in pixels a frame.
 
     The faster, the more of the path is gone through, so that the fastest moment's speed only grows
@@ -139,7 +139,7 @@ def _rate(path: Wander, reach: tuple[float, float], frames: int, speed: float) -
 def _rotations(rng: np.random.Generator, frames: int, degrees: float) -> torch.Tensor:
     """Rotations (steps, 3, 3) every 1 / SUBSTEPS frame from frame -1 to frame `frames`."""
     steps = (frames + 2) * SUBSTEPS
-    turning = Wander(rng, 3)
+    turning = SmoothPath(rng, 3)
     # The axis wanders about once in 40 frames, slower for slow turning.
     pace = 2 * np.pi / 40 * min(1.0, degrees / 4 + 0.3)
     speed = turning(np.arange(steps) * pace / SUBSTEPS)

@@ -20,12 +20,12 @@ from ...geometry.rotation import exp_so3
 from ...rendering.renderer import Renderer
 from ..augmentation.occluders import Occluder, random_occluder
 from .image_formation import bounds, silhouette
-from .motion import Motion, Wander
+from .motion import Motion, SmoothPath
 
 Floats = NDArray[np.float64]
 
 
-class Cover(Protocol):
+class MovingOccluder(Protocol):
     """Whatever may stand in front of an object: its mesh, when it is there, and where."""
 
     @property
@@ -44,7 +44,7 @@ class Cover(Protocol):
 
 
 @dataclass
-class Passage:
+class PassingOccluder:
     """One occluder that comes from outside, stays in front of the object for a while, and leaves.
 
     Its leading point keeps `near` pixels from the object's centre in the image at the closest, in
@@ -59,7 +59,7 @@ class Passage:
     far: float  # pixels
     depth: float  # metres nearer than the object's centre
     turn: torch.Tensor  # (3, 3)
-    wobble: Wander
+    wobble: SmoothPath
     near: float = 0.0
 
     @property
@@ -98,7 +98,7 @@ class Passage:
         return Pose(rotation, tip - rotation @ torch.from_numpy(self.occluder.tip))
 
 
-def plan_passages(
+def plan_passing_occluders(
     rng: np.random.Generator,
     renderer: Renderer,
     mesh: Mesh,
@@ -106,9 +106,9 @@ def plan_passages(
     frames: int,
     *,
     share: float,
-    covered: tuple[float, float],
+    occlusion: tuple[float, float],
     photos: Sequence[NDArray[np.uint8]] | None = None,
-) -> list[Passage]:
+) -> list[PassingOccluder]:
     """Passages over about `share` of the frames, each covering a part drawn from `covered`."""
     if share * frames < 6:
         return []
@@ -116,25 +116,30 @@ def plan_passages(
     # The object counts as covered for about two thirds of a passage.
     length = share * frames / count * 1.5
     room = frames / count
-    passages = []
+    occluders = []
     for number in range(count):
         slack = max(room - length, 0.0)
         start = number * room + rng.uniform(0.2, 0.8) * slack
-        passage = _passage(rng, mesh, motion, max(start, 2.0), min(length, room), photos)
-        _come_near(renderer, mesh, passage, rng.uniform(*covered), covered[1])
-        passages.append(passage)
-    return passages
+        passing = _passing_occluder(rng, mesh, motion, max(start, 2.0), min(length, room), photos)
+        _come_near(renderer, mesh, passing, rng.uniform(*occlusion), occlusion[1])
+        occluders.append(passing)
+    return occluders
 
 
 def visible_fraction(
-    renderer: Renderer, mesh: Mesh, motion: Motion, covers: Sequence[Cover], time: float
+    renderer: Renderer, mesh: Mesh, motion: Motion, occluders: Sequence[MovingOccluder], time: float
 ) -> float:
     """Share of the object's silhouette that is inside the frame and not covered."""
-    return visible_share(renderer, mesh, motion.pose(time), motion.camera, covers, time)
+    return visible_share(renderer, mesh, motion.pose(time), motion.camera, occluders, time)
 
 
 def visible_share(
-    renderer: Renderer, mesh: Mesh, pose: Pose, camera: Camera, covers: Sequence[Cover], time: float
+    renderer: Renderer,
+    mesh: Mesh,
+    pose: Pose,
+    camera: Camera,
+    occluders: Sequence[MovingOccluder],
+    time: float,
 ) -> float:
     """Share of the silhouette at a centred pose that is inside the frame and not covered."""
     window = outline_window(mesh, pose, camera)
@@ -145,10 +150,10 @@ def visible_share(
     line = np.arange(window[2])
     seen &= ((line + left >= 0) & (line + left < camera.width))[None]
     seen &= ((line + top >= 0) & (line + top < camera.height))[:, None]
-    for cover in covers:
-        if cover.present(time):
-            place = cover.poses(np.array([time]))[0]
-            before = silhouette(renderer, cover.mesh, place, camera, window)
+    for occluder in occluders:
+        if occluder.present(time):
+            place = occluder.poses(np.array([time]))[0]
+            before = silhouette(renderer, occluder.mesh, place, camera, window)
             seen &= (before == 0) | (before > depth)
     return float(seen.sum()) / max(total, 1)
 
@@ -161,14 +166,14 @@ def outline_window(mesh: Mesh, pose: Pose, camera: Camera) -> tuple[int, int, in
     return left, top, int(max(box[2] - box[0], box[3] - box[1])) + 6
 
 
-def _passage(
+def _passing_occluder(
     rng: np.random.Generator,
     mesh: Mesh,
     motion: Motion,
     start: float,
     length: float,
     photos: Sequence[NDArray[np.uint8]] | None,
-) -> Passage:
+) -> PassingOccluder:
     occluder = random_occluder(rng, mesh.sphere_diameter / 0.2, photos)
     # A hand comes from below or the sides, other things from anywhere.
     hand = occluder.along is not None
@@ -181,7 +186,7 @@ def _passage(
     nearest = motion.depth * np.exp(-motion.depth_change)
     depth = min(depth, 0.6 * nearest)
     span = motion.camera.fx / (motion.depth - depth) * np.linalg.norm(reach[:, :2], axis=1).max()
-    return Passage(
+    return PassingOccluder(
         occluder=occluder,
         motion=motion,
         start=start,
@@ -190,7 +195,7 @@ def _passage(
         far=0.7 * motion.camera.width + (0.0 if hand else float(span)),
         depth=depth,
         turn=turn,
-        wobble=Wander(rng, 3),
+        wobble=SmoothPath(rng, 3),
     )
 
 
@@ -210,31 +215,33 @@ def _facing(rng: np.random.Generator, occluder: Occluder, angle: float) -> torch
     return tilt @ turn @ flip
 
 
-def _come_near(renderer: Renderer, mesh: Mesh, passage: Passage, goal: float, most: float) -> None:
+def _come_near(
+    renderer: Renderer, mesh: Mesh, passing: PassingOccluder, goal: float, most: float
+) -> None:
     """Set how near the passage comes: `goal` covered in its middle, never more than `most`."""
-    middle = passage.start + passage.length / 2
+    middle = passing.start + passing.length / 2
 
-    def covered(near: float, time: float) -> float:
-        passage.near = near
-        alone = visible_fraction(renderer, mesh, passage.motion, (), time)
-        return alone - visible_fraction(renderer, mesh, passage.motion, (passage,), time)
+    def occlusion(near: float, time: float) -> float:
+        passing.near = near
+        alone = visible_fraction(renderer, mesh, passing.motion, (), time)
+        return alone - visible_fraction(renderer, mesh, passing.motion, (passing,), time)
 
     # From far to near ever more is covered; past the centre (negative) less again.
-    radius = 0.5 * passage.motion.camera.fx * mesh.sphere_diameter / passage.motion.depth
-    low, high = -0.3 * radius, passage.far
+    radius = 0.5 * passing.motion.camera.fx * mesh.sphere_diameter / passing.motion.depth
+    low, high = -0.3 * radius, passing.far
     for _ in range(12):
         trial = 0.5 * (low + high)
-        if covered(trial, middle) > goal:
+        if occlusion(trial, middle) > goal:
             low = trial
         else:
             high = trial
     near = high
-    moments = np.linspace(passage.start, passage.start + passage.length, 16)
+    moments = np.linspace(passing.start, passing.start + passing.length, 16)
     for _ in range(12):
-        if max(covered(near, float(time)) for time in moments) <= most:
+        if max(occlusion(near, float(time)) for time in moments) <= most:
             break
         near += 0.08 * radius
-    passage.near = near
+    passing.near = near
 
 
 def _smooth(share: float) -> float:

@@ -24,21 +24,21 @@ from ...geometry.pose import Pose
 from ...io import replacing_folder, write_json
 from ...rendering.renderer import make_renderer
 from ..objects.mesh_file import write_glb
-from .board_occluder import plan_screen
-from .difficulty import Level, find_level
-from .environment import Ground, Lamp
-from .image_formation import Material, Sensor, expose, lay, one_thread, render_layers
+from .board_occluder import plan_board_occluder
+from .difficulty import Difficulty, find_difficulty
+from .environment import LightOverTime, MovingBackground
+from .image_formation import Material, Sensor, composite, expose, one_thread, render_layers
 from .motion import SUBSTEPS, Motion, random_motion
-from .occlusion import Cover, plan_passages, visible_fraction, visible_share
-from .tabletop import Attached, lay_around
+from .occlusion import MovingOccluder, plan_passing_occluders, visible_fraction, visible_share
+from .tabletop import TabletopObject, arrange_around
 
 Picture = NDArray[np.uint8]
-MADE_BY = "moveit6d.synthesis.sequences.sequence"
+GENERATOR = "moveit6d synthesize"
 BESIDE = 1  # stream of random numbers
 
 
 @dataclass(frozen=True)
-class Shot:
+class SyntheticFrame:
     """One frame of a scene: the picture, the true pose (mesh file's frame), what can be seen."""
 
     image: Picture  # (H, W, 3)
@@ -53,7 +53,7 @@ def write_sequence(
     mesh: Mesh,
     seed: int,
     frames: int = 120,
-    level: str | Level = "medium",
+    difficulty: str | Difficulty = "medium",
     photos: Sequence[Picture] | None = None,
     camera: Camera | None = None,
     quality: int = 90,
@@ -68,17 +68,17 @@ def write_sequence(
     """
     folder = Path(folder)
     _refuse_foreign(folder)
-    scene = Scene(mesh, seed, frames, level, photos, camera)
+    scene = Scene(mesh, seed, frames, difficulty, photos, camera)
     with replacing_folder(folder) as work:
         (work / "frames").mkdir()
         rows = []
         for number in range(frames):
-            shot = scene.shoot(number)
+            one = scene.render_frame(number)
             name = f"frames/{number:06d}.jpg"
-            Image.fromarray(shot.image).save(work / name, quality=quality, subsampling="4:2:0")
-            rows.append(_row(number, name, shot))
+            Image.fromarray(one.image).save(work / name, quality=quality, subsampling="4:2:0")
+            rows.append(_row(number, name, one))
             if number == 0:
-                write_pose(work / "start.json", shot.pose)
+                write_pose(work / "start.json", one.pose)
             if on_frame is not None:
                 on_frame(number)
         write_camera(work / "camera.json", scene.camera)
@@ -98,14 +98,14 @@ class Scene:
         mesh: Mesh,
         seed: int,
         frames: int,
-        level: str | Level = "medium",
+        difficulty: str | Difficulty = "medium",
         photos: Sequence[Picture] | None = None,
         camera: Camera | None = None,
         others: Sequence[Mesh] = (),
     ) -> None:
         if frames < 2:
             raise InputError(f"A sequence needs at least 2 frames, {frames} were asked for.")
-        self.level = find_level(level)
+        self.difficulty = find_difficulty(difficulty)
         self.mesh = mesh
         self.frames = frames
         self.camera = camera or Camera(615.0, 615.0, 319.5, 239.5, 640, 480)
@@ -118,43 +118,45 @@ class Scene:
             self.camera,
             mesh.sphere_diameter,
             frames,
-            pixels_per_frame=rng.uniform(*self.level.pixels_per_frame) * wide,
-            degrees_per_frame=rng.uniform(*self.level.degrees_per_frame),
-            margin=self.level.margin,
+            pixels_per_frame=rng.uniform(*self.difficulty.pixels_per_frame) * wide,
+            degrees_per_frame=rng.uniform(*self.difficulty.degrees_per_frame),
+            margin=self.difficulty.margin,
         )
-        self.shutter = rng.uniform(*self.level.shutter)
-        self.passages: list[Cover] = list(plan_passages(
+        self.shutter = rng.uniform(*self.difficulty.shutter)
+        self.occluders: list[MovingOccluder] = list(plan_passing_occluders(
             rng, self._renderer, mesh, self.motion, frames,
-            share=rng.uniform(*self.level.covered_frames), covered=self.level.covered,
-            photos=photos,
+            share=rng.uniform(*self.difficulty.occluded_frames),
+            occlusion=self.difficulty.occlusion, photos=photos,
         ))  # fmt: skip
         beside = np.random.default_rng([seed, BESIDE])  # what came later leaves older clips as is
-        self.others = lay_around(beside, mesh, others, self.motion, frames)
-        if self.level.screen:
-            self.passages.append(plan_screen(
+        self.others = arrange_around(beside, mesh, others, self.motion, frames)
+        if self.difficulty.board:
+            self.occluders.append(plan_board_occluder(
                 beside, self._renderer, mesh, self.motion, frames,
-                side=self.level.screen, share=self.level.screened, photos=photos,
+                side=self.difficulty.board, share=self.difficulty.board_occlusion, photos=photos,
             ))  # fmt: skip
         self._material = Material(rng.uniform(0.0, 0.25), rng.uniform(8, 60))
-        self._lamp = Lamp(rng, self.level.light_change)
-        self._ground = Ground(rng, self._renderer, self.camera, mesh, self.level, photos)
+        self._light = LightOverTime(rng, self.difficulty.light_change)
+        self._background = MovingBackground(
+            rng, self._renderer, self.camera, mesh, self.difficulty, photos
+        )
         self._sensor = Sensor(rng.uniform(0.45, 0.65), 1.0, rng.uniform(0.001, 0.004),
                               rng.uniform(0.005, 0.02))  # fmt: skip
         self._visible: list[float] = []
 
     @one_thread()
-    def shoot(self, number: int) -> Shot:
+    def render_frame(self, number: int) -> SyntheticFrame:
         """Frame `number`; the same each time."""
         rng = np.random.default_rng([self._seed, number])
         times, offsets = self._samples(number)
-        light, exposure = self._lamp(number)
-        glow = np.float32(self._lamp.glow(number))
+        light, exposure = self._light(number)
+        brightness = np.float32(self._light.brightness(number))
         things = [(self.mesh, self._poses(self.motion, times), self._material)]
         things += [(other.mesh, other.poses(times), self._material) for other in self.others]
         things += [
-            (passage.mesh, passage.poses(times), Material(0.03, 12))
-            for passage in self.passages
-            if passage.present(number)
+            (occluder.mesh, occluder.poses(times), Material(0.03, 12))
+            for occluder in self.occluders
+            if occluder.present(number)
         ]
         layers = [
             render_layers(self._renderer, thing, poses, self.camera, offsets, light, material)
@@ -162,27 +164,27 @@ class Scene:
         ]
         total = np.zeros((self.camera.height, self.camera.width, 3), np.float32)
         for sample, time in enumerate(times):
-            picture = self._ground(float(time), offsets[sample]) * glow
+            picture = self._background(float(time), offsets[sample]) * brightness
             depth = np.full(picture.shape[:2], np.inf, np.float32)
             for layer in layers:
                 if layer:
-                    lay(picture, depth, layer[sample])
+                    composite(picture, depth, layer[sample])
             total += picture
         sensor = replace(self._sensor, exposure=exposure)
         image = expose(rng, total / np.float32(len(times)), sensor)
         pose = self.motion.pose(number)
-        covers = [*self.passages, *self.others]
-        seen = visible_fraction(self._renderer, self.mesh, self.motion, covers, number)
+        occluders = [*self.occluders, *self.others]
+        seen = visible_fraction(self._renderer, self.mesh, self.motion, occluders, number)
         self._visible.append(seen)
         beside = tuple(self._beside(one, number) for one in self.others)
-        return Shot(image, self.mesh.outer(pose), seen, beside)
+        return SyntheticFrame(image, self.mesh.outer(pose), seen, beside)
 
-    def _beside(self, one: Attached, number: int) -> tuple[Pose, float]:
+    def _beside(self, one: TabletopObject, number: int) -> tuple[Pose, float]:
         """Of an object that moves with the first: its pose (file frame) and what is seen of it."""
-        first = Attached(self.mesh, self.motion, Pose.identity())
-        covers = [*self.passages, first, *(other for other in self.others if other is not one)]
+        first = TabletopObject(self.mesh, self.motion, Pose.identity())
+        occluders = [*self.occluders, first, *(other for other in self.others if other is not one)]
         pose = one.pose(number)
-        seen = visible_share(self._renderer, one.mesh, pose, self.camera, covers, number)
+        seen = visible_share(self._renderer, one.mesh, pose, self.camera, occluders, number)
         return one.mesh.outer(pose), seen
 
     def facts(self) -> dict[str, object]:
@@ -193,7 +195,7 @@ class Scene:
         cosine = (torch.einsum("nij,nij->n", turns[1:], turns[:-1]) - 1) / 2
         degrees = torch.rad2deg(torch.arccos(cosine.clamp(-1, 1)))
         return {
-            "level": self.level.name,
+            "difficulty": self.difficulty.name,
             "object": self.mesh.name,
             "diameter_m": round(self.mesh.diameter, 5),
             "distance_m": [round(float(way[:, 2].min()), 3), round(float(way[:, 2].max()), 3)],
@@ -203,12 +205,12 @@ class Scene:
             "mean_deg_per_frame": round(float(degrees.mean()), 2),
             "occluded_frames": round(float(np.mean(np.array(self._visible) < 0.99)), 3),
             "min_visible_fraction": round(min(self._visible), 4),
-            "occluders": [passage.kind for passage in self.passages],
+            "occluders": [occluder.kind for occluder in self.occluders],
             "shutter": round(self.shutter, 3),
             "fps": 30,
             "frames": self.frames,
-            "made_by": MADE_BY,
-            "settings": asdict(self.level),
+            "made_by": GENERATOR,
+            "settings": asdict(self.difficulty),
         }
 
     def _samples(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -229,9 +231,9 @@ class Scene:
         return Pose.stack([motion.pose(float(time)) for time in times])
 
 
-def _row(number: int, name: str, shot: Shot) -> str:
-    numbers = [*shot.pose.rotation.reshape(9).tolist(), *shot.pose.translation.tolist()]
-    cells = [str(number), name, *(f"{n:.8f}" for n in numbers), f"{shot.visible_fraction:.4f}"]
+def _row(number: int, name: str, one: SyntheticFrame) -> str:
+    numbers = [*one.pose.rotation.reshape(9).tolist(), *one.pose.translation.tolist()]
+    cells = [str(number), name, *(f"{n:.8f}" for n in numbers), f"{one.visible_fraction:.4f}"]
     return ",".join(cells)
 
 
@@ -239,5 +241,5 @@ def _refuse_foreign(folder: Path) -> None:
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return
     info = folder / "info.json"
-    if not (info.is_file() and MADE_BY in info.read_text(encoding="utf-8", errors="replace")):
+    if not (info.is_file() and GENERATOR in info.read_text(encoding="utf-8", errors="replace")):
         raise InputError(f"{folder} exists and is not a sequence made here; give a new folder.")

@@ -1,7 +1,7 @@
 """Made data sets in the formats of published ones, for when those cannot be had.
 
-Never takes the name of a real data set without the word stand-in: `stand_in.json` at the root says
-what it is, and `visible_fraction.csv` what can be seen of each object in each frame.
+Never takes the name of a real data set without the word surrogate: `surrogate.json` at the root
+says what it is, `visible_fraction.csv` what can be seen of each object in each frame.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets.catalog import STAND_IN
+from ...datasets.catalog import SURROGATE
 from ...datasets.laval import write_laval_sequence
 from ...datasets.ycbv import CAMERAS, write_ycbv_scene
 from ...errors import InputError
@@ -25,8 +25,8 @@ from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...io import replacing_folder, write_json
-from .difficulty import Level, find_level
-from .sequence import Scene, Shot
+from .difficulty import Difficulty, find_difficulty
+from .sequence import Scene, SyntheticFrame
 
 Picture = NDArray[np.uint8]
 OCCLUSIONS = (0, 15, 30, 45)  # per cent, the levels that the paper reports on Laval
@@ -34,54 +34,60 @@ VISIBLE = "visible_fraction.csv"
 COLUMNS = ("sequence", "frame", "visible_fraction")
 LAVAL_CAMERA = Camera(615.0, 615.0, 319.5, 239.5, 640, 480)
 FIRST_SCENE = 48  # of the published test scenes
-TABLE_MARGIN = 2.6  # of the middle object's radius: its neighbours are to be seen, too
+TABLETOP_MARGIN = 2.6  # of the middle object's radius: its neighbours are to be seen, too
 KEYFRAMES = 5  # every so many frames of a scene; the published ones are about as dense
 Watch = Callable[[str, int], None]  # name and number of a finished frame
 
 
 @dataclass(frozen=True)
-class Making:
-    """How a stand-in is made: `frames` a sequence, what moves and shines how, and from which seed.
+class GenerationOptions:
+    """How a surrogate is made: `frames` a sequence, what moves and shines how, and from which seed.
 
     `photos` (H, W, 3) become backgrounds and prints; without them pictures made by code do.
     """
 
     frames: int = 120
-    level: str | Level = "medium"
+    difficulty: str | Difficulty = "medium"
     seed: int = 0
     photos: Sequence[Picture] | None = None
     on_frame: Watch | None = None
 
     def facts(self) -> dict[str, Any]:
         """What is worth telling later."""
-        return {"frames": self.frames, "level": find_level(self.level).name, "seed": self.seed}
+        return {
+            "frames": self.frames,
+            "difficulty": find_difficulty(self.difficulty).name,
+            "seed": self.seed,
+        }
 
 
-def write_laval_stand_in(
+def write_laval_surrogate(
     root: Path,
     objects: Mapping[str, Mesh],
-    making: Making,
+    options: GenerationOptions,
     occlusions: Sequence[int] = OCCLUSIONS,
     camera: Camera = LAVAL_CAMERA,
 ) -> None:
     """Laval-like sequences: every object behind a board that hides 0, 15, … per cent of it.
 
     Named as in the data set, `OBJECT_occlusion_0`, `OBJECT_occlusion_h_15`, `…_v_15`; all of an
-    object show the same motion before the same background. An older stand-in is replaced.
+    object show the same motion before the same background. An older surrogate is replaced.
     """
     if not occlusions or not all(0 <= share < 100 for share in occlusions):
         raise InputError(f"occlusions are per cent from 0 to 99, found {list(occlusions)}.")
-    about = {"what": "stand-in for Laval", **making.facts(), "occlusions": list(occlusions)}
-    with _made(root, about) as (work, notes):
+    about = {"what": "surrogate for Laval", **options.facts(), "occlusions": list(occlusions)}
+    with _new_dataset(root, about) as (work, log):
         for order, (name, mesh) in enumerate(objects.items()):
             for side, share in laval_kinds(occlusions):
-                base = find_level(making.level)
-                level = replace(base, covered_frames=(0, 0), screen=side, screened=share / 100)
-                seed = making.seed + order
-                scene = Scene(mesh, seed, making.frames, level, making.photos, camera)
+                base = find_difficulty(options.difficulty)
+                difficulty = replace(
+                    base, occluded_frames=(0, 0), board=side, board_occlusion=share / 100
+                )
+                seed = options.seed + order
+                scene = Scene(mesh, seed, options.frames, difficulty, options.photos, camera)
                 title = "_".join([name, "occlusion", *([side] if side else []), str(share)])
-                shots = notes.watch(title, scene, making)
-                frames = ((shot.image, shot.pose) for shot in shots)
+                rendered = log.watch(title, scene, options)
+                frames = ((one.image, one.pose) for one in rendered)
                 write_laval_sequence(work, title, mesh, camera, frames)
 
 
@@ -93,28 +99,30 @@ def laval_kinds(occlusions: Sequence[int]) -> list[tuple[Literal["", "h", "v"], 
     return kinds
 
 
-def write_ycbv_stand_in(
+def write_ycbv_surrogate(
     root: Path,
     scenes: Sequence[Mapping[str, Mesh]],
-    making: Making,
+    options: GenerationOptions,
     camera: Camera = CAMERAS[0],
 ) -> None:
     """YCB-Video-like scenes 48, 49, …: objects on a table before a moving camera.
 
     They hide each other now and then. Objects have their own names in `image_sets/classes.txt`.
-    An older stand-in is replaced.
+    An older surrogate is replaced.
     """
     names = list(dict.fromkeys(name for objects in scenes for name in objects))
-    about = {"what": "stand-in for YCB-Video", **making.facts(), "scenes": len(scenes)}
-    with _made(root, about) as (work, notes):
+    about = {"what": "surrogate for YCB-Video", **options.facts(), "scenes": len(scenes)}
+    with _new_dataset(root, about) as (work, log):
         for order, objects in enumerate(scenes):
             first, *others = objects.values()
-            level = replace(find_level(making.level), margin=TABLE_MARGIN, covered_frames=(0, 0))
-            seed, number = making.seed + order, FIRST_SCENE + order
-            scene = Scene(first, seed, making.frames, level, making.photos, camera, others)
-            shots = notes.watch(f"{number:04d}", scene, making, list(objects))
+            difficulty = replace(
+                find_difficulty(options.difficulty), margin=TABLETOP_MARGIN, occluded_frames=(0, 0)
+            )
+            seed, number = options.seed + order, FIRST_SCENE + order
+            scene = Scene(first, seed, options.frames, difficulty, options.photos, camera, others)
+            rendered = log.watch(f"{number:04d}", scene, options, list(objects))
             classes = [names.index(name) + 1 for name in objects]
-            frames = ((shot.image, dict(zip(classes, _poses(shot), strict=True))) for shot in shots)
+            frames = ((one.image, dict(zip(classes, _poses(one), strict=True))) for one in rendered)
             meshes = dict(zip(classes, objects.values(), strict=True))
             write_ycbv_scene(work, number, meshes, camera, frames, names, KEYFRAMES)
 
@@ -124,28 +132,28 @@ def object_name(mesh: Mesh) -> str:
     return re.sub(r"[^a-z0-9]+", "_", mesh.name.lower()).strip("_") or "object"
 
 
-def _poses(shot: Shot) -> list[Pose]:
-    return [shot.pose, *(pose for pose, _ in shot.others)]
+def _poses(one: SyntheticFrame) -> list[Pose]:
+    return [one.pose, *(pose for pose, _ in one.others)]
 
 
-class _Notes:
+class _VisibilityLog:
     """What can be seen of each object, taken down while frames pass."""
 
     def __init__(self) -> None:
         self.rows: list[tuple[str, int, float]] = []
 
     def watch(
-        self, title: str, scene: Scene, making: Making, names: Sequence[str] = ()
-    ) -> Iterator[Shot]:
+        self, title: str, scene: Scene, options: GenerationOptions, names: Sequence[str] = ()
+    ) -> Iterator[SyntheticFrame]:
         """The frames of a scene, one after the other."""
         titles = [f"{title}.{name}" for name in names] or [title]
-        for number in range(making.frames):
-            shot = scene.shoot(number)
-            seen = [shot.visible_fraction, *(fraction for _, fraction in shot.others)]
+        for number in range(options.frames):
+            one = scene.render_frame(number)
+            seen = [one.visible_fraction, *(fraction for _, fraction in one.others)]
             self.rows += [(t, number, s) for t, s in zip(titles, seen, strict=True)]
-            yield shot
-            if making.on_frame is not None:
-                making.on_frame(title, number)
+            yield one
+            if options.on_frame is not None:
+                options.on_frame(title, number)
 
     def means(self) -> dict[str, float]:
         """Mean visible fraction of every sequence."""
@@ -156,15 +164,15 @@ class _Notes:
 
 
 @contextmanager
-def _made(root: Path, about: Mapping[str, Any]) -> Iterator[tuple[Path, _Notes]]:
+def _new_dataset(root: Path, about: Mapping[str, Any]) -> Iterator[tuple[Path, _VisibilityLog]]:
     """A folder that becomes `root` when all is there, with the two files that say what it is."""
-    if root.exists() and any(root.iterdir()) and not (root / STAND_IN).is_file():
+    if root.exists() and any(root.iterdir()) and not (root / SURROGATE).is_file():
         raise InputError(f"{root} exists and is not a data set made here; give a new folder.")
-    notes = _Notes()
+    log = _VisibilityLog()
     with replacing_folder(root) as work:
-        yield work, notes
-        write_json(work / STAND_IN, {**about, "visible_fraction": notes.means()})
+        yield work, log
+        write_json(work / SURROGATE, {**about, "visible_fraction": log.means()})
         with (work / VISIBLE).open("w", encoding="utf-8", newline="") as file:
             table = csv.writer(file, lineterminator="\n")
             table.writerow(COLUMNS)
-            table.writerows((title, frame, f"{seen:.4f}") for title, frame, seen in notes.rows)
+            table.writerows((title, frame, f"{seen:.4f}") for title, frame, seen in log.rows)

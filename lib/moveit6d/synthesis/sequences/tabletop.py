@@ -22,7 +22,7 @@ APART = 0.46  # of the two diameters' sum: round things would overlap a little, 
 
 
 @dataclass(frozen=True)
-class Attached:
+class TabletopObject:
     """An object at a fixed place to the moving one; also covers others, as a `Cover` does."""
 
     mesh: Mesh
@@ -43,9 +43,9 @@ class Attached:
         return Pose.stack([self.pose(float(time)) for time in times])
 
 
-def lay_around(
+def arrange_around(
     rng: np.random.Generator, mesh: Mesh, others: Sequence[Mesh], motion: Motion, frames: int
-) -> list[Attached]:
+) -> list[TabletopObject]:
     """Places for the `others` in a ring around `mesh`, on a plane seen from above, each turned."""
     if not others:
         return []
@@ -62,5 +62,5 @@ def lay_around(
         offset = reach * (np.cos(angle) * side + np.sin(angle) * back)
         turned = first @ torch.from_numpy(rotation(rng))
         place = Pose(turned, first @ torch.from_numpy(offset))
-        placed.append(Attached(other, motion, place))
+        placed.append(TabletopObject(other, motion, place))
     return placed

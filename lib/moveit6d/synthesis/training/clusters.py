@@ -40,15 +40,19 @@ class ClusterConfig:
     def shares(self) -> tuple[float, ...]:
         """Shares in the order of `CLUSTERS`."""
         return (
-            self.one_small, self.one_large, self.one_large_rest_small,
-            self.all_small, self.all_large, self.near,
-        )  # fmt: skip
+            self.one_small,
+            self.one_large,
+            self.one_large_rest_small,
+            self.all_small,
+            self.all_large,
+            self.near,
+        )
 
 
 CLUSTERS = ("one_small", "one_large", "one_large_rest_small", "all_small", "all_large", "near")
 
 
-def draw_counts(
+def draw_delta(
     random: np.random.Generator, config: ClusterConfig, cluster: str | None = None
 ) -> np.ndarray:
     """Counts (6,) float64 from a random cluster, or from the named one.
@@ -75,12 +79,12 @@ def draw_counts(
         small[axis] = large[axis]
         return small
     if cluster in ("one_small", "one_large"):
-        counts = np.zeros(6)
+        delta = np.zeros(6)
         action = int(random.integers(13))
         if action < 12:
             source = small if cluster == "one_small" else large
-            counts[action // 2] = abs(source[action // 2]) * (1 if action % 2 == 0 else -1)
-        return counts
+            delta[action // 2] = abs(source[action // 2]) * (1 if action % 2 == 0 else -1)
+        return delta
     raise InputError(f"Unknown cluster {cluster!r}; known are {', '.join(CLUSTERS)}.")
 
 

@@ -12,13 +12,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ...actions import difference, expert_difference
+from ...actions import expert_delta, pose_delta
 from ...geometry.crop import Crop
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 
 
-def nearest_counts(
+def nearest_delta(
     meshes: Sequence[Mesh], start: Pose, goal: Pose, sphere_diameter: Tensor,
     crop: Crop = "look_at",
 ) -> Tensor:  # fmt: skip
@@ -27,17 +27,17 @@ def nearest_counts(
     Those of `actions.difference` for objects that declare no symmetry. `sphere_diameter` (B,) in
     metres.
     """
-    counts = difference(start, goal, sphere_diameter, crop)
+    delta = pose_delta(start, goal, sphere_diameter, crop)
     for number, mesh in enumerate(meshes):
         if not mesh.symmetries.is_trivial:
-            counts[number] = expert_difference(
+            delta[number] = expert_delta(
                 start[number],
                 goal[number],
                 sphere_diameter[number],
                 centred_symmetries(mesh),
                 crop,
             )
-    return counts
+    return delta
 
 
 @lru_cache(maxsize=128)

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ...actions import PoseAction, difference
+from ...actions import PoseAction, pose_delta
 from ...geometry.crop import PATCH_SIZE, Crop, crop_patches, view_of
 from ...geometry.mesh import Mesh, sphere_diameters
 from ...geometry.pose import Pose
@@ -23,13 +23,13 @@ from ...observation import Observation
 from ...rendering.embree import EmbreeRenderer
 from ...rendering.renderer import GBuffer
 from ...rendering.shading import shade_plain
-from ..augmentation.augment import AugmentConfig, Dice
+from ..augmentation.augment import AugmentConfig, RandomSource
 from ..augmentation.composing import Composer
 from ..augmentation.hands import HandConfig
 from ..augmentation.lighting import LightConfig
 from ..augmentation.occluder_bank import BankConfig
-from .clusters import ClusterConfig, draw_counts
-from .equivalents import nearest_counts
+from .clusters import ClusterConfig, draw_delta
+from .equivalents import nearest_delta
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class TrainingBatch:
     """
 
     observation: Observation
-    counts: Tensor
+    delta: Tensor
     true_depth: Tensor
     true_mask: Tensor
     visible: Tensor
@@ -94,18 +94,18 @@ class PairGenerator:
         self.random = np.random.default_rng(seed)
         self.generator = torch.Generator().manual_seed(int(self.random.integers(2**62)))
         self.renderer = EmbreeRenderer()
-        self.dice = Dice(self.generator)
-        self.composer = Composer(photos, config.augment, config.lights, self.random, self.dice)
+        self.rng = RandomSource(self.generator)
+        self.composer = Composer(photos, config.augment, config.lights, self.random, self.rng)
         self.composer.use_bank(config.bank, occluders or meshes, self.renderer, config.distance)
         self.composer.use_hands(config.hands, self.renderer)
 
     def batch(self, size: int, cluster: str | None = None) -> TrainingBatch:
         """`size` new pairs, of one named cluster if given."""
         index = self.random.integers(len(self.meshes), size=size)
-        counts = np.stack([draw_counts(self.random, self.config.clusters, cluster) for _ in index])
-        return self.compose(torch.from_numpy(index), torch.from_numpy(counts))
+        delta = np.stack([draw_delta(self.random, self.config.clusters, cluster) for _ in index])
+        return self.compose(torch.from_numpy(index), torch.from_numpy(delta))
 
-    def compose(self, index: Tensor, counts: Tensor) -> TrainingBatch:
+    def compose(self, index: Tensor, delta: Tensor) -> TrainingBatch:
         """Pairs of the given meshes (B,) whose truth lies `counts` (B, 6) away from the start."""
         meshes = [self.meshes[int(i)] for i in index]
         zoom = self._zoom(len(meshes))
@@ -116,8 +116,8 @@ class PairGenerator:
         direction = self._directions(len(meshes))
         crop = self.config.crop
         start = Pose(rotation, _place(direction, distance * diameter))
-        truth = PoseAction.of(counts).apply(start, diameter, crop)
-        counts = nearest_counts(meshes, start, truth, diameter, crop)
+        truth = PoseAction.from_delta(delta).apply_centred(start, diameter, crop)
+        delta = nearest_delta(meshes, start, truth, diameter, crop)
         intrinsics = view_of(start, diameter, crop).intrinsics
         rendered = self.renderer.render(meshes, start, intrinsics)
         observed = self.renderer.render(meshes, truth, intrinsics)
@@ -128,7 +128,7 @@ class PairGenerator:
         rendering = self._rendering(rendered)
         observation = Observation(picture, rendering, relative, rendered.mask, distance.float())
         return TrainingBatch(
-            observation, counts.float(), true_depth, observed.mask, observed.mask * clear, clear,
+            observation, delta.float(), true_depth, observed.mask, observed.mask * clear, clear,
             index, zoom, rotation, direction.float(),
         )  # fmt: skip
 
@@ -143,9 +143,9 @@ class PairGenerator:
         depth = batch.observation.distance.double() * diameter
         start = Pose(batch.rotation, _place(batch.direction.double(), depth))
         crop = self.config.crop
-        truth = PoseAction.of(batch.counts.double()).apply(start, diameter, crop)
+        truth = PoseAction.from_delta(batch.delta.double()).apply_centred(start, diameter, crop)
         moves = self._sensible(moves.double(), start, truth, diameter)
-        moved = PoseAction.of(moves).apply(start, diameter, crop)
+        moved = PoseAction.from_delta(moves).apply_centred(start, diameter, crop)
         old, view = (view_of(pose, diameter, crop) for pose in (start, moved))
         here, goal = view.to_virtual(moved), view.to_virtual(truth)
         distance = view.distance / diameter
@@ -161,7 +161,7 @@ class PairGenerator:
             layers[:, :3], self._rendering(rendered), relative, rendered.mask, distance.float()
         )
         return TrainingBatch(
-            observation, nearest_counts(meshes, here, goal, diameter, crop).float(), true_depth,
+            observation, nearest_delta(meshes, here, goal, diameter, crop).float(), true_depth,
             observed.mask, observed.mask * clear, clear, batch.mesh, batch.zoom,
             here.rotation, (here.translation[:, :2] / here.translation[:, 2:]).float(),
         )  # fmt: skip
@@ -187,17 +187,17 @@ class PairGenerator:
         far = torch.tensor(self.config.farthest, dtype=torch.float64)
         moves = moves.clamp(-far, far)
         crop = self.config.crop
-        moved = PoseAction.of(moves).apply(start, diameter, crop)
-        left = difference(moved, truth, diameter, crop).abs()
+        moved = PoseAction.from_delta(moves).apply_centred(start, diameter, crop)
+        left = pose_delta(moved, truth, diameter, crop).abs()
         keep = (left <= far).all(-1) & (moved.translation[:, 2] > 1.5 * diameter)
         return moves * keep[:, None]
 
     def _rendering(self, rendered: GBuffer) -> Tensor:
         """The start's rendering (B, 3, 128, 128) in colours that are not quite the object's."""
-        batch, dice = len(rendered.mask), self.dice
-        gain = dice.uniform(batch, 3, 1, 1, between=(-1.0, 1.0)) * self.config.texture_gain
+        batch, rng = len(rendered.mask), self.rng
+        gain = rng.uniform(batch, 3, 1, 1, between=(-1.0, 1.0)) * self.config.texture_gain
         if self.config.texture_wave > 0:
-            coarse = dice.uniform(batch, 3, 4, 4, between=(-1.0, 1.0)) * self.config.texture_wave
+            coarse = rng.uniform(batch, 3, 4, 4, between=(-1.0, 1.0)) * self.config.texture_wave
             gain = gain + functional.interpolate(
                 coarse, (PATCH_SIZE, PATCH_SIZE), mode="bilinear", align_corners=True
             )

@@ -149,7 +149,7 @@ def read_shard(path: Path, batch_size: int) -> Iterator[TrainingBatch]:
     try:
         with safe_open(path, "pt") as file:
             slices = {name: file.get_slice(name) for name in file.keys()}  # noqa: SIM118
-            count = slices["counts"].get_shape()[0]
+            count = slices["delta"].get_shape()[0]
             for start in range(0, count - batch_size + 1, batch_size):
                 end = start + batch_size
                 yield _unpacked({name: part[start:end] for name, part in slices.items()})
@@ -198,7 +198,7 @@ def _packed(batch: TrainingBatch) -> dict[str, Tensor]:
         "true_mask": _bits(batch.true_mask),
         "clear": _bits(batch.clear),
         "distance": seen.distance,
-        "counts": batch.counts,
+        "delta": batch.delta,
         "mesh": batch.mesh,
         "zoom": batch.zoom,
         "rotation": batch.rotation,
@@ -209,13 +209,24 @@ def _packed(batch: TrainingBatch) -> dict[str, Tensor]:
 def _unpacked(stored: dict[str, Any]) -> TrainingBatch:
     mask, true_mask, clear = (_floats(stored[name]) for name in ("mask", "true_mask", "clear"))
     observation = Observation(
-        stored["image"].float() / 255, stored["rendering"].float() / 255,
-        stored["depth"].float(), mask, stored["distance"],
-    )  # fmt: skip
+        stored["image"].float() / 255,
+        stored["rendering"].float() / 255,
+        stored["depth"].float(),
+        mask,
+        stored["distance"],
+    )
     return TrainingBatch(
-        observation, stored["counts"], stored["true_depth"].float(), true_mask, true_mask * clear,
-        clear, stored["mesh"], stored["zoom"], stored["rotation"], stored["direction"],
-    )  # fmt: skip
+        observation,
+        stored["delta"],
+        stored["true_depth"].float(),
+        true_mask,
+        true_mask * clear,
+        clear,
+        stored["mesh"],
+        stored["zoom"],
+        stored["rotation"],
+        stored["direction"],
+    )
 
 
 def _bits(mask: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""What training pairs are drawn from: mesh files, made shapes, photographs, and how.
+"""What training pairs are drawn from: mesh files, procedural shapes, photographs, and how.
 
 Never draws a pair; small enough to be sent to other processes and machines.
 """
@@ -21,20 +21,20 @@ from ..augmentation.backgrounds import procedural_photo
 from ..augmentation.photos import load_photos
 from ..objects.shapes import random_object
 from ..objects.symmetric_shapes import symmetric_object
-from ..objects.untextured import bare_copy
+from ..objects.untextured import untextured_copy
 from .pairs import PairConfig, PairGenerator
 
 MESH_SUFFIXES = {".glb", ".obj", ".ply", ".stl"}
-MADE_PHOTOS = 64  # pictures that are made where there is no folder of photographs
+PROCEDURAL_PHOTOS = 64  # pictures that are made where there is no folder of photographs
 
 
 @dataclass(frozen=True)
 class PairSource:
-    """Files, number of made shapes, and all that is random about a pair.
+    """Files, number of procedural shapes, and all that is random about a pair.
 
-    `symmetric` is the share of made shapes that declare symmetries, `bare` that of copies of the
-    meshes without their print; `occluders` are meshes for the bank of occluders where it is not
-    filled with the same ones.
+    `symmetric` is the share of procedural shapes that declare symmetries, `untextured` that of
+    copies of the meshes without their texture; `occluders` are meshes for the occluder bank, where
+    it is not filled with the same ones.
     """
 
     meshes: tuple[Path, ...]
@@ -45,13 +45,13 @@ class PairSource:
     pairs: PairConfig
     symmetric: float = 0.0
     occluders: tuple[Path, ...] = ()
-    bare: float = 0.0
+    untextured: float = 0.0
 
     def load_photos(self, random: np.random.Generator) -> list[np.ndarray]:
         """The photographs of the folder, or generated pictures."""
         if self.photos is not None:
             return load_photos(Path(self.photos), self.photo_limit)
-        return [procedural_photo(random, (200, 260)) for _ in range(MADE_PHOTOS)]
+        return [procedural_photo(random, (200, 260)) for _ in range(PROCEDURAL_PHOTOS)]
 
     def load_meshes(self) -> list[Mesh]:
         """The meshes of the files, with the symmetries that are declared beside them."""
@@ -64,12 +64,12 @@ class PairSource:
     def shape(
         self, random: np.random.Generator, photos: Sequence[np.ndarray], meshes: Sequence[Mesh] = ()
     ) -> Mesh:
-        """One new made shape, or a bare copy of one of the meshes."""
+        """One new procedural shape, or a untextured copy of one of the meshes."""
         # No number is drawn for nothing: without those kinds the others stay the same.
         if self.symmetric > 0 and random.random() < self.symmetric:
             return symmetric_object(random, photos)
-        if self.bare > 0 and meshes and random.random() < self.bare:
-            return bare_copy(random, meshes[int(random.integers(len(meshes)))])
+        if self.untextured > 0 and meshes and random.random() < self.untextured:
+            return untextured_copy(random, meshes[int(random.integers(len(meshes)))])
         return random_object(random, photos)
 
     def generator(
@@ -87,7 +87,7 @@ class PairSource:
         facts = {
             "files": files, "unit": self.mesh_unit, "photos": photos, "limit": self.photo_limit,
             "shapes": self.shapes, "symmetric": self.symmetric,
-            "bare": self.bare, "pairs": dataclasses.asdict(self.pairs),
+            "untextured": self.untextured, "pairs": dataclasses.asdict(self.pairs),
         }  # fmt: skip
         return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 

@@ -1,0 +1,57 @@
+"""A refined contour: another pose, everything else as it was."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from moveit6d.actions import PoseAction, pose_delta
+from moveit6d.estimation import PoseEstimator, StopReason, Target, TrackingResult
+from moveit6d.estimation.contour_stage import refine_result
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.pose import Pose
+from moveit6d.policies import ActionMode, OraclePolicy
+from moveit6d.rendering import make_renderer
+from tests.support import pictures
+
+TRUTH = Pose(torch.eye(3).double(), torch.tensor([0.02, -0.01, 0.5], dtype=torch.float64))
+
+
+def off(pose: Pose | None, mesh: Mesh) -> float:
+    assert pose is not None
+    size = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
+    return float(pose_delta(TRUTH, mesh.inner(pose), size).norm())
+
+
+@pytest.fixture
+def near(brick: Mesh) -> Target:
+    """The brick's picture, with a pose that is two counts off in place and in size."""
+    size = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
+    wrong = PoseAction.from_delta(torch.tensor([2.0, 0, 2.0, 0, 0, 0])).apply_centred(TRUTH, size)
+    image = pictures.picture(brick, TRUTH).permute(1, 2, 0).numpy()
+    return Target(image, pictures.CAMERA, brick, brick.outer(wrong))
+
+
+def test_only_pose_and_time_change(near: Target) -> None:
+    given = TrackingResult(near.pose, 3, StopReason.STOP_ACTION, 0.7, 5.0)
+    found, histograms = refine_result(near, given, make_renderer())
+    assert off(found.pose, near.mesh) < 0.8 * off(given.pose, near.mesh)
+    assert found.milliseconds > 5.0 and histograms is not None
+    assert replace(found, pose=None, milliseconds=5.0) == replace(given, pose=None)
+
+
+def test_a_failed_result_stays(near: Target) -> None:
+    failed = TrackingResult(None, 1, StopReason.FAILED, 0.0, 5.0, "lost")
+    assert refine_result(near, failed, make_renderer()) == (failed, None)
+
+
+def test_an_estimator_polishes_unless_it_is_told_not_to(near: Target) -> None:
+    policy = OraclePolicy(Pose.stack([near.mesh.inner(near.pose)]), ActionMode.ALL_AXES)
+    refined, plain = (
+        PoseEstimator(near.mesh, near.camera, policy=policy, contour=contour)
+        .refine(near.image, near.pose)
+        .pose
+        for contour in (True, False)
+    )
+    assert off(plain, near.mesh) == pytest.approx(8**0.5, abs=0.1)
+    assert off(refined, near.mesh) < 0.8 * off(plain, near.mesh)

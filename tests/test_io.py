@@ -1,0 +1,57 @@
+"""Files appear whole or not at all, and JSON says what is wrong with it."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from moveit6d.errors import InputError
+from moveit6d.io import read_json, read_json_list, replacing, replacing_folder, write_json
+
+
+def test_json_holds_null_for_what_is_not_finite(tmp_path: Path) -> None:
+    write_json(tmp_path / "a.json", {"mean": math.nan, "list": [math.inf, 1.5], "n": 3})
+    assert json.loads((tmp_path / "a.json").read_text()) == {
+        "mean": None,
+        "list": [None, 1.5],
+        "n": 3,
+    }
+
+
+def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"), replacing(tmp_path / "file" / "a"):
+        pass
+    with pytest.raises(InputError, match="is a folder"), replacing(tmp_path):
+        pass
+
+
+def test_an_error_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    with pytest.raises(RuntimeError), replacing(path) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+
+
+def test_an_error_leaves_the_old_folder_and_no_other(tmp_path: Path) -> None:
+    with replacing_folder(tmp_path / "set") as folder:
+        (folder / "one").write_text("1")
+    with pytest.raises(RuntimeError), replacing_folder(tmp_path / "set") as folder:
+        (folder / "two").write_text("2")
+        raise RuntimeError
+    assert [path.name for path in tmp_path.rglob("*")] == ["set", "one"]
+
+
+def test_json_of_another_kind_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text("[1, 2]")
+    assert read_json_list(tmp_path / "a.json") == [1, 2]
+    with pytest.raises(InputError, match="one JSON object in braces"):
+        read_json(tmp_path / "a.json")
+    write_json(tmp_path / "b.json", {"a": 1})
+    with pytest.raises(InputError, match="one JSON list in brackets"):
+        read_json_list(tmp_path / "b.json")
