@@ -86,7 +86,9 @@ def test_plain_material_colour_of_an_obj(tmp_path):
     (tmp_path / "m.obj").write_text(
         "mtllib m.mtl\nv 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nusemtl red\nf 1 2 3\n"
     )
-    np.testing.assert_array_equal(Mesh.load(tmp_path / "m.obj", allow_flat=True).vertex_colors, [[255, 0, 0]] * 3)
+    np.testing.assert_array_equal(
+        Mesh.load(tmp_path / "m.obj", allow_flat=True).vertex_colors, [[255, 0, 0]] * 3
+    )
 
 
 def test_gltf_colour_factor_is_linear_light(tmp_path):
@@ -107,7 +109,9 @@ def test_gltf_colour_factor_dims_a_texture_but_the_grey_that_trimesh_writes_does
         )
         visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
         trimesh.Trimesh(vertices, faces, visual=visual, process=False).export(tmp_path / "m.glb")
-        np.testing.assert_allclose(Mesh.load(tmp_path / "m.glb", allow_flat=True).texture[0, 0], expected, atol=1)
+        np.testing.assert_allclose(
+            Mesh.load(tmp_path / "m.glb", allow_flat=True).texture[0, 0], expected, atol=1
+        )
 
 
 def test_sixteen_bit_and_transparent_textures(tmp_path):
@@ -122,7 +126,9 @@ def test_sixteen_bit_and_transparent_textures(tmp_path):
             "mtllib m.mtl\nv 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
             "usemtl a\nf 1/1 2/2 3/3\n"
         )
-        np.testing.assert_allclose(Mesh.load(tmp_path / "m.obj", allow_flat=True).texture, 200, atol=1)
+        np.testing.assert_allclose(
+            Mesh.load(tmp_path / "m.obj", allow_flat=True).texture, 200, atol=1
+        )
 
 
 def test_a_scene_is_joined_with_its_transforms(tmp_path):

@@ -172,9 +172,7 @@ def textured_glb(picture: bytes | None = None, **material: Any) -> Glb:
     glb = Glb()
     glb.add("POSITION", BOX.vertices.astype("<f4"))
     glb.add("TEXCOORD_0", np.stack([BOX.uv[:, 0], 1 - BOX.uv[:, 1]], -1).astype("<f4"))
-    glb.primitive.update(
-        indices=glb.accessor(BOX.faces.reshape(-1).astype("<u4")), material=0
-    )
+    glb.primitive.update(indices=glb.accessor(BOX.faces.reshape(-1).astype("<u4")), material=0)
     source = glb.view(picture or BOX.png())
     glb.json["images"] = [{"bufferView": source, "mimeType": "image/png"}]
     glb.json["textures"] = [{"source": 0}]

@@ -125,5 +125,7 @@ def _read_numbers(path: Path, columns: int) -> NDArray[np.float64]:
         reason = str(error)[:80]
         raise InputError(f"{path} cannot be read below its header line: {reason}.") from error
     if numbers.ndim != 2 or numbers.shape[1] < columns or not np.isfinite(numbers).all():
-        raise InputError(f"{path}: {columns} finite numbers a line expected, found {numbers.shape}.")
+        raise InputError(
+            f"{path}: {columns} finite numbers a line expected, found {numbers.shape}."
+        )
     return np.asarray(numbers, np.float64)

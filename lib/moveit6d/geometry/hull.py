@@ -41,7 +41,7 @@ def enclosing_corners(points: Points, most: int = MOST_CORNERS) -> Points:
     stretch = axes * np.maximum(lengths, 1e-9 * lengths.max())  # long shapes become round
     round_hull = (hull - middle) @ np.linalg.inv(stretch).T
     chosen = np.unique((round_hull @ _directions(most).T).argmax(0))
-    return middle + _grown(round_hull[chosen], round_hull) @ stretch.T
+    return np.asarray(middle + _grown(round_hull[chosen], round_hull) @ stretch.T)
 
 
 def _grown(few: Points, hull: Points) -> Points:
@@ -58,7 +58,7 @@ def _grown(few: Points, hull: Points) -> Points:
         float(((hull[start : start + BLOCK] - middle) @ normals.T).max())
         for start in range(0, len(hull), BLOCK)
     )
-    return middle + max(factor, 1.0) * (few - middle)
+    return np.asarray(middle + max(factor, 1.0) * (few - middle))
 
 
 def _directions(count: int) -> Points:

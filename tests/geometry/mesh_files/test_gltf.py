@@ -45,7 +45,7 @@ def test_vertex_colours_of_every_type(
 
 
 def test_vertex_colours_times_texture_times_factor(tmp_path: Path) -> None:
-    """Half of the light in the vertices of one side, half in the factor, the rest in the picture."""
+    """Half of the light of some sides in the vertices, half in the factor."""
     side = np.repeat([0.5, 1, 0.25, 1, 1, 0.5], 4)[:, None] * np.ones(3)
     glb = textured_glb()
     glb.add("COLOR_0", side.astype("<f4"))
@@ -111,7 +111,9 @@ def test_samplers(tmp_path: Path, code: int, wrap: str) -> None:
 
 def test_a_clamped_texture_goes_on_with_its_edge(tmp_path: Path) -> None:
     glb = textured_glb()
-    glb.add("TEXCOORD_0", np.tile([[1.5, 0.1], [2.5, 0.1], [1.5, 0.2], [2, 0.2]], (6, 1)).astype("<f4"))
+    glb.add(
+        "TEXCOORD_0", np.tile([[1.5, 0.1], [2.5, 0.1], [1.5, 0.2], [2, 0.2]], (6, 1)).astype("<f4")
+    )
     glb.json["samplers"] = [{"wrapS": 33071, "wrapT": 33071}]
     glb.json["textures"][0]["sampler"] = 0
     mesh = load(glb, tmp_path)

@@ -1,4 +1,4 @@
-"""OBJ files as people have them: textured, or refused in one sentence that names what is missing."""
+"""OBJ files as people have them: textured, or refused in one sentence."""
 
 from __future__ import annotations
 
@@ -223,9 +223,7 @@ def test_concave_polygons_are_not_fanned(tmp_path: Path) -> None:
         (("vt 0.0", "vt 1e38"), "texture coordinates"),
     ],
 )
-def test_damaged_files_are_refused(
-    tmp_path: Path, change: tuple[str, str], words: str
-) -> None:
+def test_damaged_files_are_refused(tmp_path: Path, change: tuple[str, str], words: str) -> None:
     path = write(tmp_path, obj=BOX.obj().replace(*change, 1))
     with pytest.raises(InputError, match=words):
         Mesh.load(path)

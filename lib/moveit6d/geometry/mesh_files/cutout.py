@@ -5,6 +5,8 @@ Never blends: what a mask does not hide is solid.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,10 +27,12 @@ def cut_out(part: Part, alpha: NDArray[np.uint8], cutoff: float) -> Part:
     solid = _reduced(alpha) >= cutoff
     if solid.all():
         return part
-    sums = np.pad(np.cumsum(np.cumsum(solid, 0), 1), ((1, 0), (1, 0)))
+    sums = np.pad(np.cumsum(np.cumsum(solid.astype(np.int64), 0), 1), ((1, 0), (1, 0)))
     height, width = solid.shape
     size = np.array([width, height], np.float64)
-    tables = [part.vertices, part.uv] + ([] if part.colors is None else [part.colors])
+    tables: list[NDArray[Any]] = [part.vertices, part.uv] + (
+        [] if part.colors is None else [part.colors]
+    )
     values = np.concatenate([table.astype(np.float64) for table in tables], 1)
     corners: Corners = values[part.faces]  # (F, 3, C)
     kept: list[Corners] = []

@@ -196,13 +196,17 @@ def _index(token: str, path: Path) -> tuple[int, int]:
 def _libraries(content: MeshContent, lines: ObjLines) -> dict[str, MtlMaterial]:
     """The materials of all libraries that the file names and that are there."""
     folder = content.path.parent
-    paths, missing = [], []
+    paths: list[Path] = []
+    missing: list[str] = []
     for text in lines.libraries:
         whole = find_beside(folder, text)
         names = [text] if whole is not None else text.split()
         for name in names:  # several libraries may stand on a line
             found = find_beside(folder, name)
-            (missing if found is None else paths).append(name if found is None else found)
+            if found is None:
+                missing.append(name)
+            else:
+                paths.append(found)
     own = find_beside(folder, f"{content.path.stem}.mtl")
     if not paths and lines.names and own is not None:
         content.warnings.append(f"materials are taken from {own.name}, which lies beside the mesh")
@@ -212,7 +216,7 @@ def _libraries(content: MeshContent, lines: ObjLines) -> dict[str, MtlMaterial]:
         content.name(f"material library {name}")
     materials: dict[str, MtlMaterial] = {}
     for path in paths:
-        for name, material in read_mtl(Path(str(path))).items():
+        for name, material in read_mtl(path).items():
             materials.setdefault(name, material)
     content.notes += [f"the material library {name} is not there" for name in missing]
     return materials

@@ -232,9 +232,9 @@ def _rows(
         width = 1 + max(int(min(numbers[place], len(numbers))), 0)
         block = numbers[place : place + element.count * width]
         if len(block) == element.count * width and (block[::width] == width - 1).all():
-            rows = block.reshape(-1, width)[:, 1:].reshape(-1).astype(kinds[0][1])
+            flat = block.reshape(-1, width)[:, 1:].reshape(-1).astype(kinds[0][1])
             counts = np.full(element.count, width - 1, np.int64)
-            return {kinds[0][0]: (counts, rows)}, place + len(block)
+            return {kinds[0][0]: (counts, flat)}, place + len(block)
     found: dict[str, list[Any]] = {name: [] for name, _, _ in kinds}
     values = numbers.tolist()
     for _ in range(element.count):
@@ -350,7 +350,8 @@ def _even(data: bytes, place: int, order: str, element: Element) -> dict[str, An
 
 def _strips(lists: Lists) -> Lists:
     """Triangle strips, separated by −1, as triangles."""
-    found, strip = [], []
+    found: list[int] = []
+    strip: list[int] = []
     for index in [*lists[1].tolist(), -1]:
         if index < 0:
             for k in range(len(strip) - 2):

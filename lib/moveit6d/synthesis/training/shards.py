@@ -125,7 +125,9 @@ def open_shards(folder: Path) -> tuple[ShardPlan, list[Path]]:
         raise InputError(f"{folder / MANIFEST}: format {facts.get('format')!r}, not {FORMAT!r}.")
     fields = [field.name for field in dataclasses.fields(ShardPlan)]
     where = str(folder / MANIFEST)
-    plan = ShardPlan(**{name: whole(entry(facts, name, where), f"{where}: {name}") for name in fields})
+    plan = ShardPlan(
+        **{name: whole(entry(facts, name, where), f"{where}: {name}") for name in fields}
+    )
     there = sum(path.suffix == ".safetensors" for path in folder.iterdir())
     if min(plan.shards, plan.batches, plan.batch_size) < 1:
         raise InputError(f"{where}: shards, batches and batch_size must be above 0.")

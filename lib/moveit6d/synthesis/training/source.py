@@ -59,7 +59,8 @@ class PairSource:
 
     def load_occluders(self) -> list[Mesh] | None:
         """The meshes for the bank, or None."""
-        return [Mesh.load(path, unit=self.mesh_unit, allow_flat=True) for path in self.occluders] or None
+        paths = self.occluders
+        return [Mesh.load(path, unit=self.mesh_unit, allow_flat=True) for path in paths] or None
 
     def shape(
         self, random: np.random.Generator, photos: Sequence[np.ndarray], meshes: Sequence[Mesh] = ()
