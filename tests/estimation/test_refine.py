@@ -256,7 +256,7 @@ def test_nothing_to_do_gives_nothing(brick: Mesh) -> None:
     [
         ([0, 0, -1], "behind the camera"),
         ([2, 0, 1], "outside of the image"),
-        ([0, 0, 0.02], "inside the object"),
+        ([0, 0, 0.01], "inside the object"),
         ([0, 0, 1000], "unit of the mesh"),
         ([0, 0, float("nan")], "not finite"),
     ],

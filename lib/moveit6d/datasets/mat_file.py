@@ -31,7 +31,7 @@ class _Damaged(Exception):
 
 
 def read_mat(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[np.generic]]:
-    """Those of the named arrays that the file has; `InputError` if it is damaged or no such file."""
+    """Those of the named arrays that the file has; `InputError` if it is damaged."""
     try:
         content = path.read_bytes() if path.is_file() else b""
     except OSError as error:

@@ -13,10 +13,11 @@ import torch
 from ..actions import PoseAction, pose_delta
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..geometry.visibility import why_unseen
 from ..policies import ActionMode, Policy
 from ..rendering.renderer import Renderer
 from .frame import Frame
-from .refine import FINE_SCALE, Target, out_of_sight, refine_batch
+from .refine import FINE_SCALE, Target, refine_batch
 
 PAIRS = 4  # starts on either side of the known pose
 # How far they lie from it, in units: errors at one single pose are half noise.
@@ -43,7 +44,7 @@ def depth_bias(frame: Frame, mesh: Mesh, pose: Pose, policy: Policy, renderer: R
     targets = [
         Target(frame, frame.camera, mesh, mesh.outer(start), fine=True)
         for start in starts
-        if out_of_sight(start.translation, mesh.sphere_diameter, frame.camera) is None
+        if why_unseen(start, mesh, frame.camera) is None
     ]
     ends = [
         mesh.inner(result.pose)

@@ -20,10 +20,11 @@ from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
 from ..geometry.rotation_grid import rotation_grid
+from ..geometry.visibility import why_unseen
 from ..policies import ActionMode, Policy, load_policy
 from ..rendering.renderer import Renderer, make_renderer
 from .frame import Frame, prepare_frame
-from .refine import MAX_ITERATIONS, StopReason, Target, TrackingResult, out_of_sight, refine_batch
+from .refine import MAX_ITERATIONS, StopReason, Target, TrackingResult, refine_batch
 from .seeding import SeedField, Sink, find_sinks, seed_field, seed_poses
 
 BATCH = 32  # loops that run side by side
@@ -172,7 +173,7 @@ class PoseDetector:
             (sink, pose)
             for sink in sinks
             for pose in self._poses(sink, grid, frame)
-            if out_of_sight(pose.translation, self.mesh.sphere_diameter, frame.camera) is None
+            if why_unseen(pose, self.mesh, frame.camera) is None
         ]
         found = []
         for begin in range(0, len(starts), BATCH):

@@ -11,9 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..geometry.visibility import why_unseen
 from ..policies import ActionMode, Policy
 from ..rendering.renderer import Renderer
-from .refine import Target, TrackingResult, out_of_sight, refine_batch
+from .refine import Target, TrackingResult, refine_batch
 from .track_state import HIGH_CONFIDENCE, PerturbationConfig, sample_perturbation
 
 BATCH = 32  # starts at once: memory
@@ -98,5 +99,5 @@ def perturbed_targets(
     mesh = target.mesh
     for _ in range(config.count):
         pose = sample_perturbation(mesh, target.pose, random, config)
-        if out_of_sight(mesh.inner(pose).translation, mesh.sphere_diameter, target.camera) is None:
+        if why_unseen(mesh.inner(pose), mesh, target.camera) is None:
             yield replace(target, pose=pose, fine=config.fine)

@@ -20,6 +20,7 @@ from ..geometry.camera import Camera
 from ..geometry.crop import Crop, View, crop_patch, view_of
 from ..geometry.mesh import Mesh, sphere_diameters
 from ..geometry.pose import Pose
+from ..geometry.visibility import why_unseen
 from ..networks.policy_output import PolicyOutput
 from ..observation import Observation, observe
 from ..policies import ActionMode, LoopState, Policy, to_action
@@ -35,7 +36,6 @@ MAX_ITERATIONS = {ActionMode.SINGLE: 30, ActionMode.ALL_AXES: 8}
 # larger, in which what is left of the error is as many times larger too.
 FINE_SCALE = 1.6
 FINE_THRESHOLD = 5.0  # units on every axis: a delta below this enters the fine stage
-NEAREST = 0.55  # distance in sphere diameters under which the camera would be inside the object
 
 
 class StopReason(StrEnum):
@@ -282,8 +282,7 @@ class _Trajectory:
         """
         self.error = "an update led to numbers that are not finite"
         if torch.isfinite(pose.translation).all():
-            reach = self.mesh.sphere_diameter
-            self.error = out_of_sight(pose.translation, reach, self.camera) or ""
+            self.error = why_unseen(pose, self.mesh, self.camera) or ""
         if self.error:
             return StopReason.FAILED
         seen_before = self._revisited(pose, diameter)
@@ -333,30 +332,6 @@ def check_start(pose: Pose, mesh: Mesh, camera: Camera) -> None:
         raise InputError(f"Start pose must be a single one, found batch {tuple(pose.batch_shape)}.")
     if not (torch.isfinite(pose.rotation).all() and torch.isfinite(pose.translation).all()):
         raise InputError("Start pose holds a number that is not finite.")
-    centre = mesh.inner(pose.to(torch.float64)).translation
-    problem = out_of_sight(centre, mesh.sphere_diameter, camera)
+    problem = why_unseen(mesh.inner(pose.to(torch.float64)), mesh, camera)
     if problem is not None:
         raise InputError(f"Start pose: {problem}.")
-
-
-def out_of_sight(centre: Tensor, diameter: float, camera: Camera) -> str | None:
-    """Why the camera cannot see a sphere with this centre (3,) and diameter, metres, if so."""
-    x, y, depth = centre.tolist()
-    if depth <= 0:
-        return f"the object is behind the camera (z = {depth:.3g} m; z points forward)"
-    if depth < NEAREST * diameter:
-        return (
-            f"the camera is inside the object (z = {depth:.3g} m, object {diameter:.3g} m across); "
-            "check the unit of the mesh and of the pose"
-        )
-    u, v = camera.fx * x / depth + camera.cx, camera.fy * y / depth + camera.cy
-    reach = 0.5 * diameter * camera.fx / depth
-    if not (-reach < u < camera.width + reach and -reach < v < camera.height + reach):
-        size = f"{camera.width}×{camera.height}"
-        return f"the object is outside of the image (centre at pixel {u:.0f}, {v:.0f} of {size})"
-    if reach < 2:
-        return (
-            f"the object is {2 * reach:.2g} pixels wide; check the unit of the mesh (now "
-            f"{diameter:.3g} m across) and of the pose (z = {depth:.3g} m)"
-        )
-    return None

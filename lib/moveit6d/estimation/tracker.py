@@ -17,13 +17,14 @@ from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..geometry.visibility import why_unseen
 from ..policies import Policy, load_policy
 from ..rendering.renderer import Renderer, make_renderer
 from .calibration import depth_bias
 from .contour_stage import refine_result
 from .frame import Frame, prepare_frame
 from .multi_start import most_confident, perturbed_targets, supports_multi_start
-from .refine import StopReason, Target, TrackingResult, check_start, out_of_sight, refine_batch
+from .refine import StopReason, Target, TrackingResult, check_start, refine_batch
 from .track_state import LOW_CONFIDENCE, PerturbationConfig, TrackState
 
 # Starts around each of the three recovery poses (`TrackState.recovery_poses`) while the confidence
@@ -135,9 +136,9 @@ class PoseTracker:
         targets, groups = [], []
         for number, track in enumerate(self.tracks):
             for pose in track.starts():
-                centre = track.mesh.inner(pose).translation
                 first = number not in groups
-                if first or out_of_sight(centre, track.mesh.sphere_diameter, frame.camera) is None:
+                centred = track.mesh.inner(pose)
+                if first or why_unseen(centred, track.mesh, frame.camera) is None:
                     bias, fine = track.depth_bias, track.slow
                     targets.append(Target(frame, self.camera, track.mesh, pose, bias, fine))
                     groups.append(number)

@@ -16,6 +16,7 @@ from .mesh import Mesh
 from .pose import Pose
 
 SMALLEST = 4.0  # pixels across below which nothing can be told of a pose
+CORNERS = 128  # of the body that stands for the mesh: within about 3 % of its hull
 NEAR = 1e-3  # of the object's size: what is nearer than this to the camera's plane has no pixel
 
 Points = NDArray[np.float64]
@@ -28,12 +29,12 @@ def why_unseen(pose: Pose, mesh: Mesh, camera: Camera) -> str | None:
     the camera itself.
     """
     body = _Body.of(mesh)
-    rotation, place = pose.rotation.numpy(), pose.translation.numpy()
+    rotation, place = pose.rotation.detach().numpy(), pose.translation.detach().numpy()
     corners = body.corners @ rotation.T + place  # (N, 3)
     depth, size = float(place[2]), mesh.sphere_diameter
     if depth <= 0 or corners[:, 2].max() <= 0:
         return f"the object is behind the camera (z = {depth:.3g} m; z points forward)"
-    if body.holds(-rotation.T @ place):
+    if depth < size and body.holds(-rotation.T @ place):
         return (
             f"the camera is inside the object (z = {depth:.3g} m, object {size:.3g} m across); "
             "check the unit of the mesh and of the pose"
@@ -61,7 +62,7 @@ class _Body:
     def __init__(self, mesh: Mesh) -> None:
         from scipy.spatial import ConvexHull, QhullError
 
-        self.corners: Points = enclosing_corners(mesh.vertices.astype(np.float64))
+        self.corners: Points = enclosing_corners(mesh.vertices.astype(np.float64), CORNERS)
         try:
             self._sides = ConvexHull(self.corners).equations
         except (QhullError, ValueError):  # flat: nothing can be inside

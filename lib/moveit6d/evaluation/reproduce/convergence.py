@@ -20,9 +20,9 @@ from ...datasets.video import Frame
 from ...errors import InputError
 from ...estimation import StopReason, Target, refine_batch
 from ...estimation.frame import prepare_frame
-from ...estimation.refine import out_of_sight
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
+from ...geometry.visibility import why_unseen
 from ...policies import Policy
 from ...rendering.renderer import Renderer
 from ...visualization.charts import Curve, LineChart
@@ -151,11 +151,7 @@ def _trials(
     counts = [units(m, reading) for reading, m in cases]
     moved = deviate(many, signs, counts, mesh.sphere_diameter)
     picture = prepare_frame(frame.image, video.camera)
-    seen = [
-        k
-        for k in range(len(cases))
-        if out_of_sight(moved.translation[k], mesh.sphere_diameter, picture.camera) is None
-    ]
+    seen = [k for k in range(len(cases)) if why_unseen(moved[k], mesh, picture.camera) is None]
     targets = [Target(picture, video.camera, mesh, mesh.outer(moved[k])) for k in seen]
     results = dict(
         zip(

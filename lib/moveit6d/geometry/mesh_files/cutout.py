@@ -30,9 +30,9 @@ def cut_out(part: Part, alpha: NDArray[np.uint8], cutoff: float) -> Part:
     sums = np.pad(np.cumsum(np.cumsum(solid.astype(np.int64), 0), 1), ((1, 0), (1, 0)))
     height, width = solid.shape
     size = np.array([width, height], np.float64)
-    tables: list[NDArray[Any]] = [part.vertices, part.uv] + (
-        [] if part.colors is None else [part.colors]
-    )
+    tables: list[NDArray[Any]] = [part.vertices, part.uv]
+    if part.colors is not None:
+        tables.append(part.colors)
     values = np.concatenate([table.astype(np.float64) for table in tables], 1)
     corners: Corners = values[part.faces]  # (F, 3, C)
     kept: list[Corners] = []
