@@ -10,7 +10,6 @@ import pytest
 from scipy.io import savemat
 
 from moveit6d.datasets import ycbv
-from moveit6d.datasets import ycbv
 from moveit6d.datasets.ycbv import read_keyframes, read_meta, read_ycbv, write_ycbv_scene
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh

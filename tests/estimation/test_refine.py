@@ -262,7 +262,7 @@ def test_nothing_to_do_gives_nothing(brick: Mesh) -> None:
     ],
 )
 def test_starts_out_of_sight_are_refused(brick: Mesh, place: list[float], message: str) -> None:
-    pose = Pose(torch.eye(3).double(), torch.tensor(place, dtype=torch.float64))
+    pose = brick.outer(Pose(torch.eye(3).double(), torch.tensor(place, dtype=torch.float64)))
     target = Target(IMAGE, CAMERA, brick, pose)
     with pytest.raises(InputError, match=message):
         refine_batch([target], policy=Scripted([], []), renderer=make_renderer())

@@ -12,6 +12,7 @@ from typing import Any
 from ..synthesis.training.clusters import CLUSTERS
 from . import benchmark_tracking
 from .common import (
+    UNITS,
     add_beyond_paper_options,
     add_machine_options,
     add_tracking_options,
@@ -103,7 +104,7 @@ def add_parser(verbs: Any) -> None:
         kinds, "iteration", "time the parts of one iteration", ITERATION, ITERATION_EXAMPLES
     )
     two.add_argument("--mesh", type=Path, metavar="FILE", help="object instead of a made one")
-    two.add_argument("--mesh_unit", choices=("m", "mm"), default="m", help="the mesh's unit")
+    two.add_argument("--mesh_unit", choices=UNITS, default="m", help="the mesh's unit")
     two.add_argument("--repeats", type=positive, default=100, metavar="N", help="iterations")
     two.add_argument("--weights", type=Path, metavar="FILE", help="weights instead of the shipped")
     add_machine_options(two)

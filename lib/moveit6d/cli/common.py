@@ -36,7 +36,7 @@ exit codes:
   1    a defect of this program; please report its output
   2    something given cannot be used; one sentence on stderr says what, where, what to do
   3    rendering is not possible on this machine; the message names what to install
-  130  stopped by Ctrl-C; what was done until then is kept
+  130  stopped by Ctrl-C, 128 + N by signal N; what was finished until then is kept
 """
 
 Item = TypeVar("Item")
@@ -99,6 +99,15 @@ def add_beyond_paper_options(parser: argparse.ArgumentParser) -> None:
         "--no_contour",
         action="store_true",
         help="no region-based refinement of the network's poses",
+    )
+
+
+def add_untextured_option(parser: argparse.ArgumentParser) -> None:
+    """Of whatever reads a mesh of the user's."""
+    parser.add_argument(
+        "--allow_untextured",
+        action="store_true",
+        help="go on where the mesh's picture or material is missing, or it is of one flat colour",
     )
 
 

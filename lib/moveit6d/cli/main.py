@@ -6,8 +6,10 @@ Never computes anything; imports nothing heavy before a verb runs.
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 from .. import __version__
 from ..errors import InputError, RenderingUnavailable
@@ -26,6 +28,9 @@ from . import (
     write_pairs,
 )
 from .common import BAD_INPUT, EXIT_CODES, INTERRUPTED, NO_RENDERING, ManualFormatter
+from .signals import Terminated, ending_like_ctrl_c
+
+LONGEST = 600  # characters of an error
 
 DESCRIPTION = """\
 Follow an object's 6D pose (rotation and translation) through a video, given the object's
@@ -83,16 +88,39 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def guarded(action: Callable[[], int]) -> int:
     """The action's exit code, or that of the error it ended with; errors go to stderr."""
     try:
-        return action()
+        with ending_like_ctrl_c(), warnings_on_stderr():
+            return action()
     except InputError as error:
-        print(f"moveit6d: {error}", file=sys.stderr)
+        print(f"moveit6d: {_sentence(error)}", file=sys.stderr)
         return BAD_INPUT
     except RenderingUnavailable as error:
         print(f"moveit6d: {error}", file=sys.stderr)
         return NO_RENDERING
+    except Terminated as ending:
+        print(f"moveit6d: stopped by {ending}; what was finished is kept.", file=sys.stderr)
+        return ending.code
     except KeyboardInterrupt:
-        print("moveit6d: stopped; what was done is kept.", file=sys.stderr)
+        print("moveit6d: stopped; what was finished is kept.", file=sys.stderr)
         return INTERRUPTED
+
+
+def _sentence(error: InputError) -> str:
+    """An error on one line of bounded length, whatever was found in a file."""
+    text = " ".join(str(error).split())
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]} …"
+
+
+@contextmanager
+def warnings_on_stderr() -> Iterator[None]:
+    """What the library warns of, as sentences like the errors."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter("moveit6d: %(message)s"))
+    log = logging.getLogger("moveit6d")
+    log.addHandler(handler)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
 
 
 if __name__ == "__main__":

@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from .common import (
+    UNITS,
     add_beyond_paper_options,
     add_tracking_options,
+    add_untextured_option,
     add_verb,
     complaining,
     given,
@@ -25,6 +27,7 @@ from .common import (
     weights_facts,
 )
 from .reporting import check_report, reporting, rerun_log
+from .resuming import earlier_rows, going_on
 
 if TYPE_CHECKING:
     from ..evaluation.run_tracker import TrackSummary
@@ -36,7 +39,7 @@ goes on with the next one. The start must be roughly right: within about a quart
 object's width and 20 degrees.
 
 files read:
-  --mesh    OBJ, PLY, GLB or STL, with texture, vertex colours or plain
+  --mesh    OBJ, PLY, GLB, Collada (.dae), STL or OFF, with texture, vertex colours or plain
   --video   a folder of images (taken in the order of their names), a video file, or the
             index of a camera (then stop with Ctrl-C)
   --camera  {"fx", "fy", "cx", "cy", "width", "height", "distortion": [k1, k2, p1, p2, k3]}
@@ -45,7 +48,8 @@ files read:
             z forward, metres, in the frame of the mesh file
 
 files written to --output:
-  poses.csv     frame,image,r11,...,r33,tx,ty,tz,steps,stopped_by,confidence,milliseconds;
+  poses.csv     (rows can be read while the track runs)
+                frame,image,r11,...,r33,tx,ty,tz,steps,stopped_by,confidence,milliseconds;
                 one row a frame, empty numbers where there is no pose
   overlay.mp4   outline and axes drawn on the frames (red where the confidence is low)
   summary.json  frames, failed frames, milliseconds, where the track may be lost, versions
@@ -67,7 +71,8 @@ def add_parser(verbs: Any) -> None:
     parser = add_verb(verbs, "track", "follow an object through a video", DESCRIPTION, EPILOG)
     needed = parser.add_argument_group("needed")
     needed.add_argument("--mesh", type=Path, required=True, metavar="FILE", help="the object")
-    needed.add_argument("--mesh_unit", choices=("m", "mm"), required=True, help="the mesh's unit")
+    needed.add_argument("--mesh_unit", choices=UNITS, required=True, help="the mesh's unit")
+    add_untextured_option(parser)
     needed.add_argument(
         "--video",
         required=True,
@@ -88,6 +93,9 @@ def add_parser(verbs: Any) -> None:
         action="store_true",
         help="the start pose is exact: calibrate from the first frame",
     )
+    parser.add_argument(
+        "--resume", action="store_true", help="go on behind the last row of --output's poses.csv"
+    )
     parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
     parser.add_argument("--rerun", type=Path, metavar="FILE", help="write an .rrd for rerun")
@@ -105,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
     from ..geometry.mesh import Mesh
     from .drawing import draw_step
 
-    mesh = Mesh.load(args.mesh, args.mesh_unit)
+    mesh = Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
     camera, start = read_camera(args.camera), read_pose(args.start)
     frames = open_frames(args.video)
     check_report(args.report, frames)
@@ -122,18 +130,22 @@ def run(args: argparse.Namespace) -> int:
     )
     output = new_folder(args.output)
     record = TrackSummary()
+    earlier = earlier_rows(output, args)
+    for row in earlier:
+        record.add_row(row)
     with (
         _summary(output / "summary.json", record, args),
         reporting(args.report, _about(args), mesh, camera, frames, renderer) as page,
-        PoseWriter(output / "poses.csv") as table,
-        _movie(output / "overlay.mp4", frames.fps, args.no_overlay) as movie,
+        PoseWriter(output / "poses.csv", resume=bool(earlier)) as table,
+        _movie(output / _movie_name(len(earlier)), frames.fps, args.no_overlay) as movie,
         rerun_log(args.rerun, mesh, camera) as log,
     ):
         # A camera read ahead would show the past.
         ahead = frames if isinstance(frames, LiveCamera) else Prefetched(frames)
         watched = progress(ahead, frames.length, "track")
         known = calibrating(tracker, watched) if args.exact_start else watched
-        for step in complaining(run_tracker(tracker, known)):
+        todo = going_on(tracker, known, earlier) if earlier else known
+        for step in complaining(run_tracker(tracker, todo)):
             table.write(step.row)
             record.add(step)
             page.add(step)
@@ -176,6 +188,11 @@ def _summary(path: Path, record: TrackSummary, args: argparse.Namespace) -> Iter
                 "arguments": given(args),
             }
             write_json(path, facts)
+
+
+def _movie_name(first: int) -> str:
+    """A video cannot be gone on with: that of a resumed track has a name of its own."""
+    return f"overlay_{first:06d}.mp4" if first else "overlay.mp4"
 
 
 def _movie(path: Path, fps: float | None, left_out: bool) -> AbstractContextManager[Any]:

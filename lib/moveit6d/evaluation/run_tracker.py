@@ -86,16 +86,20 @@ class TrackSummary:
 
     def add(self, step: TrackedFrame) -> None:
         """Take note of one more frame."""
+        if step.error is not None and len(self.failures) < KEPT_FAILURES:
+            self.failures.append({"frame": step.frame.index, "error": step.error})
+        self.add_row(step.row)
+
+    def add_row(self, row: PoseRow) -> None:
+        """Take note of one more frame of which only the row is known."""
         self.frames += 1
-        if step.error is not None:
-            self.failed += 1
-            if len(self.failures) < KEPT_FAILURES:
-                self.failures.append({"frame": step.frame.index, "error": step.error})
-        if step.row.milliseconds is not None:
-            self.milliseconds.append(step.row.milliseconds)
-        self._doubtful = 0 if step.confident else self._doubtful + 1
+        self.failed += row.pose is None
+        if row.milliseconds is not None:
+            self.milliseconds.append(row.milliseconds)
+        confident = row.pose is not None and (row.confidence or 0.0) >= LOW_CONFIDENCE
+        self._doubtful = 0 if confident else self._doubtful + 1
         if self._doubtful == LOST_RUN and self.lost_from is None:
-            self.lost_from = step.frame.index - LOST_RUN + 1
+            self.lost_from = row.frame - LOST_RUN + 1
 
     def facts(self) -> dict[str, object]:
         """As summary.json has it. `lost_from_frame` is a guess from the confidence, or null."""

@@ -224,6 +224,13 @@ def _checked(name: str, vertices: Any, faces: Any) -> tuple[NDArray[Any], NDArra
     bad = ~np.isfinite(points).all(axis=1)
     if bad.any():
         raise InputError(f"{name}: {int(bad.sum())} vertices are not finite numbers.")
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    with np.errstate(over="ignore", invalid="ignore"):
+        area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+        size = float(np.ptp(points[np.unique(triangles)], axis=0).max())
+        visible = area > 1e-9 * size * size
+    if not visible and size > 0:
+        raise InputError(f"{name}: its faces have no area, so that nothing of it can be seen.")
     return points, triangles
 
 
