@@ -19,6 +19,7 @@ from moveit6d.policies import (
     LoopState,
     NetworkPolicy,
     OraclePolicy,
+    load_policy,
     rotate_delta,
     to_action,
 )
@@ -153,3 +154,9 @@ def test_single_actions_are_not_turned() -> None:
     state = LoopState(pose, torch.ones(1).double(), torch.arange(1))
     prediction = DihedralAugmentation(policy).predict(an_observation(1), state)
     assert prediction.delta is None
+
+
+def test_policies_of_the_same_weights_share_what_torch_never_gives_back() -> None:
+    first, second = load_policy(), load_policy(mode=ActionMode.SINGLE)
+    assert first.network is second.network and first.mode is not second.mode
+    assert load_policy(compute="float32").network is load_policy(compute="float32").network

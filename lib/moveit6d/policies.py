@@ -172,4 +172,10 @@ def load_policy(
     loaded = load_network(SHIPPED_WEIGHTS if path is None else Path(path))
     name = "shipped multi-object model" if path is None else Path(path).name
     source = f"{name} (sha256 {loaded.sha256[:12]})"
-    return NetworkPolicy(loaded.network, mode, source, compute)
+    policy = NetworkPolicy(loaded.network, mode, source, compute)
+    # torch never gives a trace's memory back: policies of the same weights share one network.
+    policy.network = _SHARED.setdefault((loaded.sha256, compute), policy.network)
+    return policy
+
+
+_SHARED: dict[tuple[str, str], InferenceNetwork] = {}

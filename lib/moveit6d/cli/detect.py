@@ -87,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
     camera = read_camera(args.camera)
     frame = next(iter(ImageList((args.image,))))
     if frame.image is None:
-        raise InputError(f"{args.image}: {frame.error}")
+        raise InputError(str(frame.error))
     config = DetectorConfig(
         tuple(args.sizes), sinks=args.sinks, rotations=args.rotations, seed=args.seed
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import queue
 import re
 import threading
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -105,7 +106,10 @@ def _opened(path: Path) -> Iterator[Any]:
     try:
         if path.exists() and not path.is_file():  # a pipe would never end
             raise InputError(f"{path} is not a regular file.")
-        with Pillow.open(path, formats=formats) as opened:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Pillow.DecompressionBombWarning)  # checked below
+            image = Pillow.open(path, formats=formats)
+        with image as opened:
             count, content = opened.size[0] * opened.size[1], path.stat().st_size
             if count > FREE_PIXELS and count > PIXELS_PER_BYTE * content:
                 raise InputError(
