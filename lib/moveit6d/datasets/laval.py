@@ -177,12 +177,12 @@ def _load(path: Path) -> NDArray[np.float64]:
         matrices = np.load(path, allow_pickle=False, mmap_mode="r")
         if not isinstance(matrices, np.ndarray) or matrices.dtype.kind not in "fiu":
             raise ValueError("it holds no array of numbers")
-        numbers_ = np.asarray(matrices, np.float64)
-    except (OSError, ValueError, EOFError, TypeError, SyntaxError, MemoryError) as error:
+        values = np.asarray(matrices, np.float64)
+    except Exception as error:  # numpy's own parser of headers raises what it stumbles upon
         raise InputError(f"{path} is not an array of poses: {str(error)[:120]}.") from error
-    if numbers_.ndim == 0 or not len(numbers_):
+    if values.ndim == 0 or not len(values):
         raise InputError(f"{path} holds no pose.")
-    return numbers_
+    return values
 
 
 def _folders(path: Path) -> list[Path]:

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..checks import shown
 from ..errors import InputError
 from .rotation import nearest_rotation
 
@@ -137,5 +138,5 @@ def _numbers(values: Any, where: str, name: str) -> Tensor:
         return values.detach().to("cpu", torch.float64)
     try:
         return torch.from_numpy(np.array(values, dtype=np.float64))
-    except (TypeError, ValueError):
-        raise InputError(f"{where}: the {name} must be numbers, found {values!r}.") from None
+    except (TypeError, ValueError, OverflowError, RecursionError):
+        raise InputError(f"{where}: the {name} must be numbers, found {shown(values)}.") from None

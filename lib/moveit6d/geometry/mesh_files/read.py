@@ -72,6 +72,12 @@ def _check_parts(content: MeshContent) -> None:
     if not content.parts:
         raise InputError(f"{content.path}: holds no faces; a mesh of triangles is needed.")
     for part in content.parts:
+        listed = [values for values in (part.uv, part.colors) if values is not None]
+        if any(len(values) != len(part.vertices) for values in listed):
+            raise InputError(
+                f"{content.path}: it has not as many texture coordinates or colours as vertices; "
+                "export it again."
+            )
         if part.uv is not None and not (np.abs(part.uv).max(initial=0) <= FARTHEST_UV):
             raise InputError(
                 f"{content.path}: it has texture coordinates that are not finite or far outside of "
