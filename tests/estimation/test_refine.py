@@ -262,13 +262,13 @@ def test_nothing_to_do_gives_nothing(brick: Mesh) -> None:
     [
         ([0, 0, -1], "behind the camera"),
         ([2, 0, 1], "outside of the image"),
-        ([0, 0, 0.02], "inside the object"),
+        ([0, 0, 0.01], "inside the object"),
         ([0, 0, 1000], "unit of the mesh"),
         ([0, 0, float("nan")], "not finite"),
     ],
 )
 def test_starts_out_of_sight_fail_alone(brick: Mesh, place: list[float], message: str) -> None:
-    pose = Pose(torch.eye(3).double(), torch.tensor(place, dtype=torch.float64))
+    pose = brick.outer(Pose(torch.eye(3).double(), torch.tensor(place, dtype=torch.float64)))
     target = Target(IMAGE, CAMERA, brick, pose)
     seen, truth = some_targets(brick, 1, cluster="near")
     failed, fine = refine_batch(

@@ -82,9 +82,9 @@ def test_a_patch_through_the_lens_is_opencvs_undistorted_image(camera: Camera) -
     """The virtual camera that looks ahead with the image's own K: no interpolation in between."""
     small = camera.crop(90, 50, PATCH_SIZE, PATCH_SIZE)
     image = picture(PATCH_SIZE, PATCH_SIZE)
-    view = View(torch.eye(3).double(), small.matrix(), torch.tensor(1.0).double())
+    view = View(torch.eye(3).double(), small.matrix, torch.tensor(1.0).double())
     pixels = torch.from_numpy(image).permute(2, 0, 1)
-    patch = crop_patch(pixels, view, small.matrix(), small.lens) * 255
+    patch = crop_patch(pixels, view, small.matrix, small.lens) * 255
     difference = patch.permute(1, 2, 0).numpy() - opencv_undistorted(image, small)
     assert np.abs(difference[2:-2, 2:-2]).max() <= 1.5
 
@@ -118,7 +118,7 @@ def test_skew_shears_points_patches_and_whole_images_alike() -> None:
     y = float(straight.project(point)[0, 1] - 120) / 400
     assert moved.tolist()[0] == pytest.approx([25 * y, 0.0], abs=1e-9)
     view = look_at(Pose(torch.eye(3).double(), point[0]), torch.tensor(0.1).double())
-    u, v = patch_pixels(view, skewed.matrix(), skewed.lens)
+    u, v = patch_pixels(view, skewed.matrix, skewed.lens)
     middle = [float(plane[63:65, 63:65].mean()) for plane in (u, v)]
     assert middle == pytest.approx(skewed.project(point)[0].tolist(), abs=0.01)
     whole = Camera(400, 400, 160, 120, 320, 240, skew=25.0)

@@ -12,6 +12,7 @@ from typing import Any
 from ..synthesis.training.clusters import CLUSTERS
 from . import benchmark_tracking
 from .common import (
+    UNITS,
     add_machine_options,
     add_tracking_options,
     add_verb,
@@ -102,7 +103,7 @@ def add_parser(verbs: Any) -> None:
         kinds, "iteration", "time the parts of one iteration", ITERATION, ITERATION_EXAMPLES
     )
     two.add_argument("--mesh", type=Path, metavar="FILE", help="object instead of a made one")
-    two.add_argument("--mesh_unit", choices=("m", "mm"), default="m", help="the mesh's unit")
+    two.add_argument("--mesh_unit", choices=UNITS, default="m", help="the mesh's unit")
     two.add_argument("--repeats", type=positive, default=100, metavar="N", help="iterations")
     two.add_argument("--weights", type=Path, metavar="FILE", help="weights instead of the shipped")
     add_machine_options(two)
@@ -149,7 +150,8 @@ def refinement(args: argparse.Namespace) -> int:
     if not paths:
         raise InputError(f"{args.objects} holds no .glb, .ply or .obj file.")
     policy, renderer = set_up(args)
-    meshes, photos = [Mesh.load(path, "m") for path in paths], load_photos(args.photos)
+    meshes = [Mesh.load(path, "m", allow_flat=True) for path in paths]
+    photos = load_photos(args.photos)
     cases = list(
         make_cases(
             meshes,

@@ -12,7 +12,9 @@ from typing import Any
 from ..errors import InputError
 from .camera_options import add_camera_options, camera_of
 from .common import (
+    UNITS,
     add_tracking_options,
+    add_untextured_option,
     add_verb,
     given,
     new_folder,
@@ -46,7 +48,7 @@ def add_parser(verbs: Any) -> None:
     """Add the verb."""
     parser = add_verb(verbs, "detect", "find an object in an image", DESCRIPTION, EPILOG)
     parser.add_argument("--mesh", type=Path, required=True, metavar="FILE", help="the object")
-    parser.add_argument("--mesh_unit", choices=("m", "mm"), required=True, help="the mesh's unit")
+    parser.add_argument("--mesh_unit", choices=UNITS, required=True, help="the mesh's unit")
     parser.add_argument("--image", type=Path, required=True, metavar="FILE", help="the picture")
     add_camera_options(parser)
     parser.add_argument("--output", type=Path, required=True, metavar="DIR", help="for results")
@@ -68,6 +70,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--sinks", type=int, default=3, metavar="N", help="places looked into")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the seeded poses")
     add_tracking_options(parser)
+    add_untextured_option(parser)
     parser.set_defaults(run=run)
 
 
@@ -81,10 +84,11 @@ def run(args: argparse.Namespace) -> int:
     from ..io import replacing, write_json
     from ..visualization.overlay import draw_pose
 
-    mesh, images = Mesh.load(args.mesh, args.mesh_unit), ImageList((args.image,))
+    mesh = Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
+    images = ImageList((args.image,))
     camera, frame = camera_of(args, images), next(iter(images))
     if frame.image is None:
-        raise InputError(f"{args.image}: {frame.error}")
+        raise InputError(str(frame.error))
     config = SeedDetectorConfig(
         sizes=tuple(args.sizes),
         sinks=args.sinks,

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from .common import (
+    UNITS,
     Setting,
     add_jobs_options,
     add_tracking_options,
@@ -28,6 +29,7 @@ from .messages import note, progress
 if TYPE_CHECKING:
     from ..datasets.bop import BopDataset, Estimate
     from ..estimation import TrackingResult
+    from ..geometry.mesh import Unit
     from ..policies import Policy
     from ..rendering.renderer import Renderer
 
@@ -70,6 +72,7 @@ def add_parser(verbs: Any) -> None:
         "--initial", type=Path, required=True, metavar="FILE", help="poses to begin with"
     )
     needed.add_argument("--output", type=Path, required=True, metavar="FILE", help="refined poses")
+    parser.add_argument("--mesh_unit", choices=UNITS, default="mm", help="unit of the models")
     parser.add_argument(
         "--batch", type=positive, default=32, metavar="N", help="poses of an image at once at most"
     )
@@ -83,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.bop import BopDataset, by_image, read_results, write_results
     from ..parallel import run_jobs
 
-    dataset = BopDataset(args.dataset, args.split)
+    dataset = BopDataset(args.dataset, args.split, mesh_unit=args.mesh_unit)
     initial = read_results(args.initial)
     check(dataset, initial, args.initial)
     policy, renderer = set_up(args)
@@ -95,6 +98,7 @@ def run(args: argparse.Namespace) -> int:
             tuple(initial[row] for row in rows),
             Setting.of(args),
             args.batch,
+            args.mesh_unit,
         )
         for _, rows in images
     ]
@@ -145,18 +149,19 @@ class ImageJob:
     estimates: tuple[Estimate, ...]
     setting: Setting
     batch: int
+    mesh_unit: Unit = "mm"
 
 
 def work(job: ImageJob) -> list[Estimate]:
     """Do the job in a worker process, which keeps its network and meshes for the next one."""
-    return refine_image(_dataset(job.root, job.split), job, *tools(job.setting))
+    return refine_image(_dataset(job.root, job.split, job.mesh_unit), job, *tools(job.setting))
 
 
 @lru_cache(maxsize=1)
-def _dataset(root: Path, split: str) -> BopDataset:
+def _dataset(root: Path, split: str, mesh_unit: Unit) -> BopDataset:
     from ..datasets.bop import BopDataset
 
-    return BopDataset(root, split)
+    return BopDataset(root, split, mesh_unit=mesh_unit)
 
 
 def refine_image(

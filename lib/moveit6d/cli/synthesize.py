@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .common import add_verb, positive
+from .common import UNITS, add_untextured_option, add_verb, positive
 from .messages import progress_bar
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--mesh", type=Path, nargs="+", metavar="FILE", help="objects instead of made ones"
     )
-    parser.add_argument("--mesh_unit", choices=("m", "mm"), default="m", help="the meshes' unit")
+    parser.add_argument("--mesh_unit", choices=UNITS, default="m", help="the meshes' unit")
     parser.add_argument(
         "--difficulty", choices=DIFFICULTIES, default="medium", help="how hard it is"
     )
@@ -82,6 +82,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--photos", type=Path, metavar="DIR", help="pictures for backgrounds instead of made ones"
     )
+    add_untextured_option(parser)
     parser.set_defaults(run=run)
 
 
@@ -163,5 +164,5 @@ def _mesh(args: argparse.Namespace, number: int) -> Mesh:
     from ..synthesis.objects.shapes import random_object
 
     if args.mesh:
-        return Mesh.load(args.mesh[number], args.mesh_unit)
+        return Mesh.load(args.mesh[number], args.mesh_unit, allow_untextured=args.allow_untextured)
     return random_object(np.random.default_rng(number))

@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 from .camera_options import CAMERA_FILES, add_camera_options, camera_of
 from .common import (
+    UNITS,
     Setting,
     add_tracking_options,
+    add_untextured_option,
     add_verb,
     complaining,
     given,
@@ -26,6 +28,7 @@ from .common import (
 )
 from .messages import progress
 from .reporting import check_report, reporting, rerun_log
+from .resuming import earlier_rows, going_on
 
 if TYPE_CHECKING:
     from ..evaluation.run_tracker import TrackSummary
@@ -38,7 +41,7 @@ goes on with the next one. The start must be roughly right: within about a quart
 object's width and 20 degrees.
 
 files read:
-  --mesh    OBJ, PLY, GLB or STL, with texture, vertex colours or plain
+  --mesh    OBJ, PLY, GLB, Collada (.dae), STL or OFF, with texture, vertex colours or plain
   --video   a folder of images (taken in the order of their names), a video file, the
             address of a stream (rtsp://…, http://…) or the index of a camera (then stop with
             Ctrl-C; frames that come while another is worked on are left out)
@@ -49,7 +52,8 @@ files read:
             z forward, metres, in the frame of the mesh file
 
 files written to --output:
-  poses.csv     frame,image,r11,...,r33,tx,ty,tz,steps,stopped_by,confidence,milliseconds;
+  poses.csv     (rows can be read while the track runs)
+                frame,image,r11,...,r33,tx,ty,tz,steps,stopped_by,confidence,milliseconds;
                 one row a frame, empty numbers where there is no pose
   overlay.mp4   outline and axes drawn on the frames (red where the confidence is low)
   summary.json  frames, failed frames, milliseconds, where the track may be lost, versions
@@ -72,7 +76,8 @@ def add_parser(verbs: Any) -> None:
     parser = add_verb(verbs, "track", "follow an object through a video", DESCRIPTION, EPILOG)
     needed = parser.add_argument_group("needed")
     needed.add_argument("--mesh", type=Path, required=True, metavar="FILE", help="the object")
-    needed.add_argument("--mesh_unit", choices=("m", "mm"), required=True, help="the mesh's unit")
+    needed.add_argument("--mesh_unit", choices=UNITS, required=True, help="the mesh's unit")
+    add_untextured_option(parser)
     needed.add_argument(
         "--video",
         required=True,
@@ -90,6 +95,9 @@ def add_parser(verbs: Any) -> None:
         "--exact_start",
         action="store_true",
         help="the start pose is exact: calibrate from the first frame",
+    )
+    parser.add_argument(
+        "--resume", action="store_true", help="go on behind the last row of --output's poses.csv"
     )
     parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
@@ -109,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
     from ..geometry.pose import Pose
     from .drawing import draw_step
 
-    mesh = Mesh.load(args.mesh, args.mesh_unit)
+    mesh = Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
     start, frames = Pose.load(args.start), open_frames(args.video)
     camera = camera_of(args, frames)
     check_report(args.report, frames)
@@ -126,11 +134,14 @@ def run(args: argparse.Namespace) -> int:
     )
     output = new_folder(args.output)
     record = TrackSummary()
+    earlier = earlier_rows(output, args)
+    for row in earlier:
+        record.add_row(row)
     with (
         _summary(output / "summary.json", record, args, setting),
         reporting(args.report, _about(args), mesh, camera, frames, renderer) as page,
-        PoseWriter(output / "poses.csv") as table,
-        _movie(output / "overlay.mp4", frames.fps, args.no_overlay) as movie,
+        PoseWriter(output / "poses.csv", resume=bool(earlier)) as table,
+        _movie(output / _movie_name(len(earlier)), frames.fps, args.no_overlay) as movie,
         rerun_log(args.rerun, mesh, camera) as log,
     ):
         # What is live and read ahead would show the past.
@@ -138,7 +149,8 @@ def run(args: argparse.Namespace) -> int:
         watched = progress(ahead, frames.length, "track")
         exact = args.exact_start and setting.config.calibration.enabled
         known = calibrating(tracker, watched) if exact else watched
-        for step in complaining(run_tracker(tracker, known)):
+        todo = going_on(tracker, known, earlier) if earlier else known
+        for step in complaining(run_tracker(tracker, todo)):
             table.write(step.row)
             record.add(step)
             page.add(step)
@@ -184,6 +196,11 @@ def _summary(
                 "arguments": given(args),
             }
             write_json(path, facts)
+
+
+def _movie_name(first: int) -> str:
+    """A video cannot be gone on with: that of a resumed track has a name of its own."""
+    return f"overlay_{first:06d}.mp4" if first else "overlay.mp4"
 
 
 def _movie(path: Path, fps: float | None, left_out: bool) -> AbstractContextManager[Any]:

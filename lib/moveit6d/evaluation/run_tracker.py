@@ -37,7 +37,12 @@ class TrackedFrame:
     @property
     def confident(self) -> bool:
         """Whether there is a pose that the tracker itself believes."""
-        return self.row.pose is not None and (self.row.confidence or 0.0) >= LOW_CONFIDENCE
+        return is_confident(self.row)
+
+
+def is_confident(row: PoseRow) -> bool:
+    """Whether a row has a pose that the tracker itself believes."""
+    return row.pose is not None and (row.confidence or 0.0) >= LOW_CONFIDENCE
 
 
 def calibrating(
@@ -91,16 +96,19 @@ class TrackSummary:
 
     def add(self, step: TrackedFrame) -> None:
         """Take note of one more frame."""
+        if step.error is not None and len(self.failures) < KEPT_FAILURES:
+            self.failures.append({"frame": step.frame.index, "error": step.error})
+        self.add_row(step.row)
+
+    def add_row(self, row: PoseRow) -> None:
+        """Take note of one more frame of which only the row is known."""
         self.frames += 1
-        if step.error is not None:
-            self.failed += 1
-            if len(self.failures) < KEPT_FAILURES:
-                self.failures.append({"frame": step.frame.index, "error": step.error})
-        if step.row.milliseconds is not None:
-            self.milliseconds.append(step.row.milliseconds)
-        self._low_confidence_run = 0 if step.confident else self._low_confidence_run + 1
+        self.failed += row.pose is None
+        if row.milliseconds is not None:
+            self.milliseconds.append(row.milliseconds)
+        self._low_confidence_run = 0 if is_confident(row) else self._low_confidence_run + 1
         if self._low_confidence_run == LOST_RUN and self.lost_from is None:
-            self.lost_from = step.frame.index - LOST_RUN + 1
+            self.lost_from = row.frame - LOST_RUN + 1
 
     def facts(self) -> dict[str, object]:
         """As summary.json has it. `lost_from_frame` is a guess from the confidence, or null."""
