@@ -22,7 +22,7 @@ def test_arrays_and_tensors_are_taken() -> None:
     floating = prepare_frame(image / 255.0, CAMERA)
     assert floating.pixels.dtype is torch.float32
     assert prepare_frame(floating, CAMERA) is floating
-    assert torch.equal(floating.intrinsics, CAMERA.matrix())
+    assert torch.equal(floating.intrinsics, CAMERA.matrix)
 
 
 @pytest.mark.parametrize("image", [None, "picture.png", np.zeros((12, 16)), np.zeros((3, 4, 3))])

@@ -35,7 +35,7 @@ POINTS = 400
 
 def contrast(frame: Frame, mesh: Mesh, pose: Pose, view: View, renderer: Renderer) -> float:
     """Mean change of colour a pixel, across the outline of the mesh, in the patch of a view."""
-    patch = crop_patch(frame.pixels, view, frame.camera.matrix()).permute(1, 2, 0).numpy()
+    patch = crop_patch(frame.pixels, view, frame.camera.matrix).permute(1, 2, 0).numpy()
     patch = cv2.GaussianBlur(patch, (0, 0), BLUR)
     virtual = view.to_virtual(mesh.inner(pose.to(torch.float64)))
     seen = renderer.render([mesh], Pose.stack([virtual]), view.intrinsics[None])

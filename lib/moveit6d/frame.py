@@ -27,7 +27,7 @@ class Frame:
     @cached_property
     def intrinsics(self) -> Tensor:
         """The camera's matrix K, float64 (3, 3)."""
-        return self.camera.matrix()
+        return self.camera.matrix
 
 
 def prepare_frame(image: ImageLike | Frame | None, camera: Camera) -> Frame:

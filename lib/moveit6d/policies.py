@@ -86,8 +86,9 @@ class NetworkPolicy:
         network: CorrelationNet | ActionNet,
         source: str = "",
         compute: Compute = "auto",
+        device: str | torch.device = "cpu",
     ) -> None:
-        self.network = InferenceNetwork(network, compute)
+        self.network = InferenceNetwork(network, compute, device)
         single = isinstance(network, ActionNet)
         self.crop: Crop = network.config.crop
         self.mode = ActionMode.SINGLE if single else ActionMode.ALL_AXES
@@ -155,8 +156,15 @@ class OraclePolicy:
         return PolicyOutput(logits, delta, torch.ones(len(delta)))
 
 
-def load_policy(path: str | Path | None = None, *, compute: Compute = "auto") -> NetworkPolicy:
+def load_policy(
+    path: str | Path | None = None,
+    *,
+    compute: Compute = "auto",
+    device: str | torch.device = "cpu",
+) -> NetworkPolicy:
     """A policy from a weights file; without one, from the weights that are shipped.
+
+    `device` is where the network runs, for example "cuda"; crops and poses stay on the CPU.
 
     `compute` are the numbers of its convolutions: `auto` takes bfloat16 where the processor has
     AMX instructions, which is faster and changes poses by hundredths of a unit; with `float32` they
@@ -165,4 +173,4 @@ def load_policy(path: str | Path | None = None, *, compute: Compute = "auto") ->
     loaded = load_network(SHIPPED_WEIGHTS if path is None else Path(path))
     name = "shipped multi-object model" if path is None else Path(path).name
     source = f"{name} (sha256 {loaded.sha256[:12]})"
-    return NetworkPolicy(loaded.network, source, compute)
+    return NetworkPolicy(loaded.network, source, compute, device)

@@ -19,7 +19,8 @@ import moveit6d
 ROOT = Path(__file__).parents[2]
 PUBLIC = {
     "Pose", "Camera", "Mesh", "PoseAction", "ActionSpace", "PoseEstimator", "PoseTracker",
-    "PoseDetector", "TrackingResult", "OraclePolicy", "load_policy", "make_renderer", "InputError",
+    "PoseDetector", "TrackingResult", "TrackerConfig", "PAPER_CONFIG", "open_frames", "draw_pose",
+    "VideoWriter", "OraclePolicy", "load_policy", "make_renderer", "InputError",
     "__version__",
 }  # fmt: skip
 HEAVY = ("pytorch_lightning", "lightning", "pyrender", "OpenGL", "matplotlib", "cv2", "av")

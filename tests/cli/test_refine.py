@@ -35,7 +35,7 @@ def dataset(tmp_path: Path, scene: Any, brick_file: Path) -> BopDataset:
     mesh.apply_scale(1000.0)
     mesh.export(root / "models" / "obj_000002.ply")
     (root / "models" / "models_info.json").write_text(json.dumps({"2": {"diameter": 152.6}}))
-    k = scene.camera.matrix().reshape(-1).tolist()
+    k = scene.camera.matrix.reshape(-1).tolist()
     (scene_folder / "scene_camera.json").write_text(
         json.dumps({str(n): {"cam_K": k} for n in (1, 2, 3)})
     )

@@ -17,7 +17,7 @@ from moveit6d.cli.main import main
 from moveit6d.cli.reproduce import RUNS
 from moveit6d.config import ActionMode
 from moveit6d.datasets.laval import write_laval_sequence
-from moveit6d.datasets.pose_files import read_pose, write_camera
+from moveit6d.datasets.pose_files import write_camera
 from moveit6d.datasets.ycbv import write_ycbv_scene
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import OraclePolicy
@@ -183,7 +183,7 @@ def test_detect_writes_a_start(
     out = tmp_path / "found"
     assert main([*command, *options, "--output", str(out)]) == 0
     assert "confidence 1.00" in capsys.readouterr().out
-    found, true = read_pose(out / "pose.json"), scene.pose(0)
+    found, true = Pose.load(out / "pose.json"), scene.pose(0)
     torch.testing.assert_close(found.translation, true.translation, atol=1e-3, rtol=0)
     overlay = np.asarray(Image.open(out / "overlay.png"))
     assert overlay.shape == (120, 160, 3) and (overlay != scene.image(0)).any()

@@ -15,7 +15,7 @@ from moveit6d.rendering import make_renderer
 from tests.support.meshes import colored_box
 from tests.support.pictures import CAMERA, mottled, picture
 
-K = CAMERA.matrix()
+K = CAMERA.matrix
 
 
 @pytest.fixture(scope="module")

@@ -45,10 +45,10 @@ def test_another_start_finds_what_the_given_one_does_not(brick: Mesh) -> None:
     truth, far = brick.inner(at(0.012)), at(-0.035)  # 28 counts away: too far for this policy
     alone = estimator(brick, NearSighted(truth, 21.0), multi_start=False).refine(GRAY, far)
     assert alone.pose is not None and alone.confidence < HIGH_CONFIDENCE
-    torch.testing.assert_close(alone.pose.matrix(), far.matrix())
+    torch.testing.assert_close(alone.pose.matrix, far.matrix)
     found = estimator(brick, NearSighted(truth, 21.0)).refine(GRAY, far)
     assert found.pose is not None and found.confidence == pytest.approx(0.95)
-    torch.testing.assert_close(found.pose.matrix(), at(0.012).matrix())
+    torch.testing.assert_close(found.pose.matrix, at(0.012).matrix)
 
 
 def test_a_confident_result_is_not_touched(brick: Mesh) -> None:
@@ -59,14 +59,14 @@ def test_a_confident_result_is_not_touched(brick: Mesh) -> None:
     assert with_multi_start.asked == found.iterations + 7, "the last look in eight ways"
     same = estimator(brick, without, multi_start=False).refine(GRAY, at(0.0))
     assert same.pose is not None
-    torch.testing.assert_close(found.pose.matrix(), same.pose.matrix(), rtol=0, atol=0)
+    torch.testing.assert_close(found.pose.matrix, same.pose.matrix, rtol=0, atol=0)
 
 
 def test_in_vain_it_keeps_the_pose_from_the_given_start(brick: Mesh) -> None:
     blind = NearSighted(brick.inner(at(0.0)), reach=0.0)
     result = estimator(brick, blind).refine(GRAY, at(0.01))
     assert result.pose is not None and blind.asked > 20
-    torch.testing.assert_close(result.pose.matrix(), at(0.01).matrix())
+    torch.testing.assert_close(result.pose.matrix, at(0.01).matrix)
 
 
 def test_each_of_many_targets_has_the_result_it_has_alone(brick: Mesh) -> None:
@@ -84,7 +84,7 @@ def test_each_of_many_targets_has_the_result_it_has_alone(brick: Mesh) -> None:
     for target, pose in zip(targets, together, strict=True):
         (alone,) = refined([target])
         assert pose is not None and alone is not None
-        torch.testing.assert_close(pose.matrix(), alone.matrix())
+        torch.testing.assert_close(pose.matrix, alone.matrix)
 
 
 def test_the_most_confident_end_wins_and_pays_for_the_others(brick: Mesh) -> None:
@@ -97,7 +97,7 @@ def test_the_most_confident_end_wins_and_pays_for_the_others(brick: Mesh) -> Non
     )
     assert sure is results[0]
     assert found.centred is not None and found.confidence == results[0].confidence
-    torch.testing.assert_close(found.centred.matrix(), truth.matrix())
+    torch.testing.assert_close(found.centred.matrix, truth.matrix)
     assert found.milliseconds > results[1].milliseconds
 
 

@@ -229,7 +229,7 @@ def test_stop_keeps_the_pose(brick: Mesh) -> None:
     result = refine_batch(targets, policy=Scripted([12], [0.5]), renderer=make_renderer())[0]
     assert result.stopped_by is StopReason.STOP_ACTION and result.iterations == 1
     assert result.pose is not None
-    torch.testing.assert_close(result.pose.matrix(), targets[0].pose.matrix())
+    torch.testing.assert_close(result.pose.matrix, targets[0].pose.matrix)
 
 
 class RunsAway(Scripted):

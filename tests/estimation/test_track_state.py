@@ -33,8 +33,8 @@ def test_an_even_motion_is_continued(brick: Mesh) -> None:
         TrackState.begin(brick, moving(brick, 0)), moving(brick, 1), moving(brick, 2)
     )
     last, ahead = track.starts()
-    torch.testing.assert_close(last.matrix(), moving(brick, 2).matrix())
-    torch.testing.assert_close(ahead.matrix(), moving(brick, 3).matrix())
+    torch.testing.assert_close(last.matrix, moving(brick, 2).matrix)
+    torch.testing.assert_close(ahead.matrix, moving(brick, 3).matrix)
 
 
 def test_an_object_at_rest_has_one_start(brick: Mesh) -> None:
@@ -49,8 +49,8 @@ def test_a_pose_of_low_confidence_is_not_extrapolated_and_the_last_good_one_kept
     track.add(moving(brick, 4), LOW_CONFIDENCE - 0.1)
     track.add(moving(brick, 6), LOW_CONFIDENCE - 0.1)
     last, last_confident_pose, *_ = track.starts()
-    torch.testing.assert_close(last.matrix(), moving(brick, 6).matrix())
-    torch.testing.assert_close(last_confident_pose.matrix(), moving(brick, 1).matrix())
+    torch.testing.assert_close(last.matrix, moving(brick, 6).matrix)
+    torch.testing.assert_close(last_confident_pose.matrix, moving(brick, 1).matrix)
 
 
 def test_half_sure_poses_are_gone_on_from_but_neither_continued_nor_gone_back_to(
@@ -61,9 +61,9 @@ def test_half_sure_poses_are_gone_on_from_but_neither_continued_nor_gone_back_to
         track.add(moving(brick, frame), (HIGH_CONFIDENCE + LOW_CONFIDENCE) / 2)
         assert track.above_low
         (only,) = track.starts()
-        torch.testing.assert_close(only.matrix(), moving(brick, frame).matrix())
+        torch.testing.assert_close(only.matrix, moving(brick, frame).matrix)
     track.miss()
-    torch.testing.assert_close(track.starts()[1].matrix(), moving(brick, 1).matrix())
+    torch.testing.assert_close(track.starts()[1].matrix, moving(brick, 1).matrix)
 
 
 def test_an_object_in_doubt_is_likely_on_its_way_and_slows_down(brick: Mesh) -> None:
@@ -75,7 +75,7 @@ def test_an_object_in_doubt_is_likely_on_its_way_and_slows_down(brick: Mesh) -> 
     for _ in range(60):
         last, seen, ahead = track.recovery_poses()
         assert last is track.centred
-        torch.testing.assert_close(seen.matrix(), moving(brick, 3).matrix())
+        torch.testing.assert_close(seen.matrix, moving(brick, 3).matrix)
         ways.append(((ahead).translation - (seen).translation).norm())
         track.add(moving(brick, 9), LOW_CONFIDENCE - 0.1)
     step = (moving(brick, 1)).translation - (moving(brick, 0)).translation

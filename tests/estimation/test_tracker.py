@@ -40,7 +40,7 @@ def test_every_frame_starts_where_the_last_one_ended(brick: Mesh) -> None:
     second = tracker.update(GRAY)
     assert first.iterations > 3 and second.iterations == 1
     assert first.pose is not None and second.pose is not None
-    torch.testing.assert_close(second.pose.matrix(), first.pose.matrix())
+    torch.testing.assert_close(second.pose.matrix, first.pose.matrix)
 
 
 def test_several_objects_in_one_batch(brick: Mesh) -> None:
@@ -61,7 +61,7 @@ def test_an_object_in_doubt_is_looked_for_around_where_it_was_sure(brick: Mesh) 
     policy.truth = brick.inner(jump)
     found = tracker.update(GRAY)
     assert found.pose is not None and found.confidence == pytest.approx(0.95)
-    torch.testing.assert_close(found.pose.matrix(), jump.matrix())
+    torch.testing.assert_close(found.pose.matrix, jump.matrix)
 
 
 def test_what_is_found_elsewhere_but_in_doubt_is_left_there(brick: Mesh) -> None:
@@ -79,7 +79,7 @@ def test_what_is_found_elsewhere_but_in_doubt_is_left_there(brick: Mesh) -> None
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, config=NO_CONTOUR)
     result = tracker.update(GRAY)
     assert result.pose is not None and result.confidence == pytest.approx(0.3)
-    torch.testing.assert_close(result.pose.matrix(), at(0.0).matrix())
+    torch.testing.assert_close(result.pose.matrix, at(0.0).matrix)
     assert policy.asked > result.iterations, "it did look"
 
 
@@ -130,7 +130,7 @@ def test_an_object_that_is_not_found_stays_where_it_was_last(brick: Mesh) -> Non
     for _ in range(2):
         result = tracker.update(GRAY)
         assert result.pose is not None
-        torch.testing.assert_close(result.pose.matrix(), at(0.01).matrix())
+        torch.testing.assert_close(result.pose.matrix, at(0.01).matrix)
 
 
 def test_a_track_is_the_same_after_a_reset_to_its_start(brick: Mesh) -> None:
@@ -141,7 +141,7 @@ def test_a_track_is_the_same_after_a_reset_to_its_start(brick: Mesh) -> None:
     for before in first:
         again = tracker.update(GRAY).pose
         assert before is not None and again is not None
-        torch.testing.assert_close(before.matrix(), again.matrix(), rtol=0, atol=0)
+        torch.testing.assert_close(before.matrix, again.matrix, rtol=0, atol=0)
 
 
 BAD = [
@@ -206,7 +206,7 @@ def test_a_reset_to_a_pose_out_of_sight_changes_nothing(brick: Mesh) -> None:
     for poses, message in ((at(5.0), "outside"), ([at(0.0), at(0.0)], "1 meshes but 2 start")):
         with pytest.raises(InputError, match=message):
             tracker.reset(poses)
-        torch.testing.assert_close(tracker.poses[0].matrix(), at(0.0).matrix())
+        torch.testing.assert_close(tracker.poses[0].matrix, at(0.0).matrix)
 
 
 def test_the_contour_is_refined_after_the_policy(brick: Mesh) -> None:
@@ -229,7 +229,7 @@ def test_the_contour_is_refined_after_the_policy(brick: Mesh) -> None:
         )
         result = tracker.update(frame)
         assert result.pose is not None
-        torch.testing.assert_close(result.pose.matrix(), tracker.poses[0].matrix())
+        torch.testing.assert_close(result.pose.matrix, tracker.poses[0].matrix)
         far.append(pose_delta(truth, brick.inner(result.pose), diameter).norm())
         assert (tracker.tracks[0].histograms is not None) == contour
     assert far[0] < 0.8 * far[1]
@@ -268,7 +268,7 @@ def histograms_at_truth(mesh: Mesh, truth: Pose, picture: torch.Tensor) -> Colou
     """As the refinement gives them at a pose that it leaves where it is."""
     refined = refine_contour(
         picture,
-        pictures.CAMERA.matrix(),
+        pictures.CAMERA.matrix,
         mesh,
         truth,
         make_renderer(),

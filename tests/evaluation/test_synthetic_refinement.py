@@ -33,7 +33,7 @@ def test_the_object_is_drawn_at_the_true_pose(brick: Mesh) -> None:
         chroma = image.amax(-1) - image.amin(-1)
         pose = brick.inner(case.truth)
         batch = Pose(pose.rotation[None], pose.translation[None])
-        buffer = make_renderer().render([brick], batch, CAMERA.matrix()[None], 640)
+        buffer = make_renderer().render([brick], batch, CAMERA.matrix[None], 640)
         mask = buffer.mask[0, 0, :480] > 0
         assert chroma[mask].median() > 30 > chroma[~mask].median()
 

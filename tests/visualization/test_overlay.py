@@ -28,7 +28,7 @@ def hull_of_projected_vertices(mesh: Mesh, pose: Pose, camera: Any) -> np.ndarra
     points = mesh.inner(pose).transform(torch.from_numpy(mesh.vertices).double()).numpy()
     lens = np.array(camera.distortion or [0.0] * 5)
     zero = np.zeros(3)
-    pixels, _ = cv2.projectPoints(points, zero, zero, camera.matrix().numpy(), lens)
+    pixels, _ = cv2.projectPoints(points, zero, zero, camera.matrix.numpy(), lens)
     return np.asarray(cv2.convexHull(pixels[:, 0].astype(np.float32)))
 
 

@@ -71,7 +71,7 @@ def test_everything_of_a_run_is_in_the_file(scene: Any, tmp_path: Path) -> None:
     pictures = found["/camera/image"]["EncodedImage:blob"]
     assert sorted(pictures) == [0, 2, 3]
     lens = np.reshape(found["/camera/image"]["Pinhole:image_from_camera"][None][0], (3, 3)).T
-    np.testing.assert_allclose(lens, scene.camera.matrix(), rtol=1e-6)
+    np.testing.assert_allclose(lens, scene.camera.matrix, rtol=1e-6)
 
 
 @pytest.mark.filterwarnings("ignore")

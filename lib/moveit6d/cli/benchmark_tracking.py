@@ -303,7 +303,7 @@ class Bench:
             "compute": job.setting.compute,
             "protocol": job.protocol.name,
             "first": job.sequence.first,
-            "start": [round(n, 9) for n in job.sequence.start.matrix().flatten().tolist()],
+            "start": [round(n, 9) for n in job.sequence.start.matrix.flatten().tolist()],
             "mesh": _sha256(job.sequence.mesh),
         }
 

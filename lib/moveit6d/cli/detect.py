@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     """Detect and write."""
     from PIL import Image
 
-    from ..datasets.pose_files import read_camera, write_pose
+    from ..datasets.pose_files import read_camera
     from ..datasets.video import ImageList
     from ..estimation import PoseDetector, SeedDetectorConfig
     from ..geometry.mesh import Mesh
@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
     if found.result is None or found.pose is None:
         raise InputError(f"{args.image}: the object was not found; try other --sizes.")
     output = new_folder(args.output)
-    write_pose(output / "pose.json", found.pose)
+    found.pose.save(output / "pose.json")
     with replacing(output / "overlay.png") as temporary:
         Image.fromarray(draw_pose(frame.image, mesh, found.pose, camera, renderer)).save(temporary)
     facts = {

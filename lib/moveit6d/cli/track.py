@@ -97,15 +97,16 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Track and write."""
-    from ..datasets.pose_files import PoseWriter, read_camera, read_pose
+    from ..datasets.pose_files import PoseWriter, read_camera
     from ..datasets.video import LiveCamera, Prefetched, open_frames
     from ..estimation import PoseTracker
     from ..evaluation.run_tracker import TrackSummary, calibrating, run_tracker
     from ..geometry.mesh import Mesh
+    from ..geometry.pose import Pose
     from .drawing import draw_step
 
     mesh = Mesh.load(args.mesh, args.mesh_unit)
-    camera, start = read_camera(args.camera), read_pose(args.start)
+    camera, start = read_camera(args.camera), Pose.load(args.start)
     frames = open_frames(args.video)
     check_report(args.report, frames)
     setting = Setting.of(args)

@@ -26,8 +26,6 @@ TRACK_COLUMNS = (
 )  # fmt: skip
 # A benchmark's result: one such file a sequence.
 RESULT_COLUMNS = ("frame", *POSE_COLUMNS, "milliseconds")
-# No object that fills a patch stands farther away: such a translation is in millimetres.
-FARTHEST = 100.0
 
 
 @dataclass(frozen=True)
@@ -78,27 +76,6 @@ def write_camera(path: Path, camera: Camera) -> None:
     }
     if camera.distortion is not None:
         content["distortion"] = list(camera.distortion)
-    write_json(path, content)
-
-
-def read_pose(path: Path) -> Pose:
-    """Pose of a pose.json or start.json: rotation 3×3 and translation in metres; float64."""
-    content = read_json(path)
-    missing = [key for key in ("rotation", "translation") if key not in content]
-    if missing:
-        raise InputError(
-            f"{path}: {' and '.join(missing)} missing; a pose needs rotation (3×3) and "
-            "translation (3 numbers, metres)."
-        )
-    pose = Pose.checked(content["rotation"], content["translation"], where=str(path))
-    if pose.batch_shape:
-        raise InputError(f"{path}: one pose expected, found {pose.batch_shape[0]}.")
-    return _not_millimetres(pose, str(path))
-
-
-def write_pose(path: Path, pose: Pose) -> None:
-    """Write a pose.json that `read_pose` reads back exactly."""
-    content = {"rotation": pose.rotation.tolist(), "translation": pose.translation.tolist()}
     write_json(path, content)
 
 
@@ -258,13 +235,3 @@ def _whole(value: Any, where: str) -> int:
     if not number.is_integer():
         raise InputError(f"{where} must be a whole number, found {value!r}.")
     return int(number)
-
-
-def _not_millimetres(pose: Pose, where: str) -> Pose:
-    distance = float(pose.translation.norm())
-    if distance > FARTHEST:
-        raise InputError(
-            f"{where}: the object stands {distance:.0f} m away; the translation looks like "
-            "millimetres, divide it by 1000."
-        )
-    return pose

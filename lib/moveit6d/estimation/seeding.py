@@ -131,9 +131,7 @@ def seed_poses(
 
     `rotation` (3, 3) or (N, 3, 3) is the object's as seen along the ray through the pixel.
     """
-    focal = pixels.new_tensor([camera.fx, camera.fy])
-    offset = (pixels - pixels.new_tensor([camera.cx, camera.cy])) / focal
-    ray = functional.normalize(torch.cat([offset, torch.ones_like(offset[:, :1])], 1), dim=1)
+    ray = functional.normalize(camera.unproject(pixels), dim=1)
     place = ray * (camera.fx * sphere_diameter / size)
     turned = Pose(rotation.expand(len(pixels), 3, 3), place)
     view = look_at(turned, torch.full((len(pixels),), sphere_diameter, dtype=torch.float64))
@@ -221,7 +219,7 @@ def spacing(centres: Tensor) -> float:
 
 def _in_image(moves: Tensor, view: View, camera: Camera) -> Tensor:
     """Unit vectors (B, 2) in the image for moves (B, 2) in the patches; zero stays zero."""
-    back = patch_to_image(view, camera.matrix().expand(len(moves), 3, 3))
+    back = patch_to_image(view, camera.matrix.expand(len(moves), 3, 3))
     middle = view.intrinsics[:, :2, 2]
     start = _mapped(back, middle)
     direction = functional.normalize(moves, dim=1)

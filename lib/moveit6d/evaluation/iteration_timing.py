@@ -80,7 +80,7 @@ def _time_parts(
     moments = [time.perf_counter()]
     view = view_of(pose, diameter, policy.crop)
     alone = View(view.rotation[0], view.intrinsics[0], view.distance[0])
-    patch = crop_patch(pixels, alone, CAMERA.matrix())
+    patch = crop_patch(pixels, alone, CAMERA.matrix)
     moments.append(time.perf_counter())
     gbuffer = renderer.render([mesh], view.to_virtual(pose), view.intrinsics)
     moments.append(time.perf_counter())

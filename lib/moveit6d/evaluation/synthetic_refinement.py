@@ -153,7 +153,7 @@ def _put(
 
         width = 2 * int(2 * scale) + 1
         layer = gaussian_blur2d(layer, (width, width), (0.45 * scale, 0.45 * scale))
-    back = torch.linalg.inv(crop_homography(fine, CAMERA.matrix()))[None].float()
+    back = torch.linalg.inv(crop_homography(fine, CAMERA.matrix))[None].float()
     warped: Tensor = warp_perspective(
         layer, back, (CAMERA.height, CAMERA.width), align_corners=True
     )[0]

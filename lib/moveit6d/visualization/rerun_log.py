@@ -55,7 +55,7 @@ class RerunLog:
             self._place.__exit__(type(error), error, error.__traceback__)
             raise InputError(f"{self.path} cannot be written: {error}.") from error
         lens = rr.Pinhole(
-            image_from_camera=self.camera.matrix().numpy(),
+            image_from_camera=self.camera.matrix.numpy(),
             resolution=[self.camera.width, self.camera.height],
             camera_xyz=rr.ViewCoordinates.RDF,
         )

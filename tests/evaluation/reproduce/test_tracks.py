@@ -86,7 +86,7 @@ def test_tracks_are_kept_and_used_again(video: Sequence, tmp_path: Path) -> None
     first = list(run_tracks([video], settings(make, tmp_path / "t"), as_it_is))
     again = list(run_tracks([video], settings(make, tmp_path / "t"), as_it_is))
     assert make.made == 1
-    torch.testing.assert_close(first[0].estimate.matrix(), again[0].estimate.matrix())
+    torch.testing.assert_close(first[0].estimate.matrix, again[0].estimate.matrix)
     assert first[0].frames == again[0].frames and first[0].iterations == again[0].iterations
 
 

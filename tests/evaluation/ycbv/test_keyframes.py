@@ -102,7 +102,7 @@ def test_files_are_read_back(tmp_path: Path) -> None:
         (back.truth, keyframes.truth),
         (back.estimates["ours"], keyframes.estimates["ours"]),
     ):
-        torch.testing.assert_close(mine.matrix(), theirs.matrix(), equal_nan=True)
+        torch.testing.assert_close(mine.matrix, theirs.matrix, equal_nan=True)
     np.savez(tmp_path / "points.npz", **{f"{n:02d}": p.numpy() for n, p in points.items()})
     assert {n: p.tolist() for n, p in read_points(tmp_path / "points.npz").items()} == {
         n: p.tolist() for n, p in points.items()

@@ -42,7 +42,7 @@ def test_window_holds_exactly_the_frames_pixels(
     box: Mesh, place: tuple[float, float, float]
 ) -> None:
     renderer, pose = make_renderer("embree"), at(*place)
-    whole = renderer.render([box], pose, CAMERA.matrix()[None], size=200).depth[0, 0].numpy()
+    whole = renderer.render([box], pose, CAMERA.matrix[None], size=200).depth[0, 0].numpy()
     frame = np.zeros((150, 200, 3), np.float32)
     depth = np.full((150, 200), np.inf, np.float32)
     for layer in render_layers(renderer, box, pose, CAMERA, np.zeros((1, 2)), LIGHT, Material()):

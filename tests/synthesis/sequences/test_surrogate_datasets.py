@@ -58,7 +58,7 @@ def test_laval(tmp_path: Path, box: Mesh) -> None:
     for name in ("box_occlusion_h_30", "box_occlusion_v_30"):
         np.testing.assert_allclose(shares[name], 0.7, atol=0.05)
     # The same motion before each board.
-    difference = found[0].truth[1].matrix() - found[2].truth[1].matrix()
+    difference = found[0].truth[1].matrix - found[2].truth[1].matrix
     assert difference.abs().max() < 1e-12
     assert [frame.image.shape for frame in found[1].open() if frame.image is not None] == [
         (160, 213, 3)

@@ -91,7 +91,7 @@ def render_layers(
     left, top, size = window
     count = len(poses)
     shift = torch.from_numpy(offsets) + torch.tensor([left, top], dtype=torch.float64)
-    intrinsics = camera.matrix().expand(count, 3, 3).clone()
+    intrinsics = camera.matrix.expand(count, 3, 3).clone()
     intrinsics[:, :2, 2] -= shift
     gbuffer = renderer.render([mesh] * count, poses, intrinsics, size)
     shadow = _shadow(renderer, mesh, poses[count // 2], light, gbuffer, intrinsics, poses)
@@ -152,7 +152,7 @@ def silhouette(
 ) -> NDArray[np.float32]:
     """Depth (size, size) of a centred pose, seen through the window (left, top, size)."""
     left, top, size = window
-    intrinsics = camera.crop(left, top, size, size).matrix()[None]
+    intrinsics = camera.crop(left, top, size, size).matrix[None]
     batch = Pose(pose.rotation[None], pose.translation[None])
     return np.asarray(renderer.render([mesh], batch, intrinsics, size).depth[0, 0].numpy())
 

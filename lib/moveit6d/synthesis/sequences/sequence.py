@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image
 
-from ...datasets.pose_files import POSE_COLUMNS, write_camera, write_pose
+from ...datasets.pose_files import POSE_COLUMNS, write_camera
 from ...errors import InputError
 from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
@@ -78,7 +78,7 @@ def write_sequence(
             Image.fromarray(one.image).save(work / name, quality=quality, subsampling="4:2:0")
             rows.append(_row(number, name, one))
             if number == 0:
-                write_pose(work / "start.json", one.pose)
+                one.pose.save(work / "start.json")
             if on_frame is not None:
                 on_frame(number)
         write_camera(work / "camera.json", scene.camera)
