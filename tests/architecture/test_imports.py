@@ -15,6 +15,7 @@ LIGHTNING = ROOT / "lightning_modules"
 # From the bottom up; a room may import from lower floors and from its own floor.
 FLOORS = (
     ("errors",),
+    ("extras",),
     ("io", "parallel", "typing", "config"),
     ("geometry",),
     ("frame",),

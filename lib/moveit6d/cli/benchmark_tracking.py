@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..extras import require
 from .common import (
     DATASET_FORMATS,
     Setting,
@@ -100,6 +101,8 @@ def run(args: argparse.Namespace) -> int:
     for option in ("overlays", "resume"):
         if getattr(args, option) and args.output is None:
             raise InputError(f"--{option} needs --output.")
+    if args.report is not None:
+        require("report", "--report")
     sequences = chosen(args)
     trackers = rivals(args.rivals, sequences)
     bench = Bench(args, [make_job(sequence, args) for sequence in sequences])

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..extras import require
 
 if TYPE_CHECKING:
     from ..datasets.pose_files import PoseRow
@@ -43,6 +44,8 @@ def check_report(path: Path | None, frames: FrameSource) -> None:
     """Refuse a report of a live camera, whose frames cannot be seen again."""
     from ..datasets.video import LiveCamera
 
+    if path is not None:
+        require("report", "--report")
     if path is not None and isinstance(frames, LiveCamera):
         raise InputError(
             "--report reads the video a second time, which a camera does not allow; record it "

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..config import PAPER_CONFIG, TrackerConfig
 from ..errors import InputError
+from ..extras import require
 from .common import (
     DATASET_FORMATS,
     Setting,
@@ -125,6 +126,7 @@ def _add_own(parser: argparse.ArgumentParser, name: str) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run one reproduction, print it and write its files."""
+    require("report", "moveit6d reproduce")
     from ..evaluation.reproduce.reproduction import write_reproduction
     from ..visualization.plots import draw
 

@@ -17,6 +17,7 @@ import torch
 from ..datasets.pose_files import PoseRow
 from ..datasets.video import VideoFrame
 from ..errors import InputError
+from ..extras import require
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
@@ -112,12 +113,9 @@ class RerunLog:
 
 
 def _load() -> ModuleType:
-    try:
-        import rerun
-    except ImportError:
-        raise InputError(
-            "--rerun needs the package rerun-sdk: pip install 'moveit6d[rerun]'."
-        ) from None
+    require("rerun", "--rerun")
+    import rerun
+
     module: ModuleType = rerun
     return module
 
