@@ -30,6 +30,12 @@ def random_object(
 
     With `photos` (H, W, 3) uint8 some of its prints are parts of photographs. The same generator
     state gives the same object.
+
+    Example:
+        >>> import numpy as np
+        >>> mesh = random_object(np.random.default_rng(0))
+        >>> 0.05 < mesh.diameter < 0.5
+        True
     """
     family = FAMILIES[int(rng.integers(len(FAMILIES)))]
     parts = family(rng)

@@ -52,7 +52,12 @@ DIFFICULTIES = {
 
 
 def find_difficulty(difficulty: str | Difficulty) -> Difficulty:
-    """The level of that name; a `Level` stays what it is."""
+    """The level of that name; a `Level` stays what it is.
+
+    Example:
+        >>> find_difficulty("easy").pixels_per_frame
+        (2.2, 2.9)
+    """
     if isinstance(difficulty, Difficulty):
         return difficulty
     if difficulty not in DIFFICULTIES:

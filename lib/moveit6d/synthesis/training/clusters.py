@@ -58,6 +58,12 @@ def draw_delta(
     """Counts (6,) float64 from a random cluster, or from the named one.
 
     In the first two clusters each of the 13 actions, stop (no counts) among them, is as likely.
+
+    Example:
+        >>> import numpy as np
+        >>> delta = draw_delta(np.random.default_rng(0), ClusterConfig(), "all_small")
+        >>> bool((abs(delta[:2]) >= 1).all() and (abs(delta) <= 5).all())
+        True
     """
     shares = np.asarray(config.shares())
     if cluster is None:
