@@ -140,10 +140,11 @@ def refinement(args: argparse.Namespace) -> int:
 
     from ..errors import InputError
     from ..evaluation.metrics import ADD_LIMIT, auroc
-    from ..evaluation.synthetic_refinement import make_cases, run_cases
+    from ..evaluation.synthetic_refinement import run_cases
     from ..evaluation.tables import plain
     from ..geometry.mesh import Mesh
     from ..synthesis.augmentation.photos import load_photos
+    from ..synthesis.single_images import make_cases
 
     paths = sorted(p for p in args.objects.glob("*") if p.suffix in (".glb", ".ply", ".obj"))
     if not paths:
