@@ -164,7 +164,7 @@ YCB_AUC_2 = PaperTable(
 )
 YCB_OBJECTS = tuple(YCB_ADD.rows)
 
-LAVAL_LEVELS = (0, 15, 30, 45)  # per cent covered
+LAVAL_LEVELS = (0, 15, 30, 45)  # per cent occluded
 LAVAL_MODELS = ("full", "w/o depth")
 LAVAL_OBJECTS = (
     "clock", "cookiejar", "dog", "dragon", "shoe", "turtle", "walkman", "wateringcan",

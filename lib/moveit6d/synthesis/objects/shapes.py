@@ -28,7 +28,7 @@ def random_object(
 ) -> Mesh:
     """A new textured object, 7 to 35 cm, in a frame of its own that is not centred.
 
-    With `photos` (H, W, 3) uint8 some of its prints are parts of photographs. The same generator
+    With `photos` (H, W, 3) uint8 some of its textures are parts of photographs. The same generator
     state gives the same object.
 
     Example:
@@ -42,7 +42,7 @@ def random_object(
     size = float(np.exp(rng.uniform(*np.log(SIZES))))
     turn = make.rotation(rng)
     texture, parts, plain = _skinned(rng, parts, photos)
-    # Dirt of a few grey levels is no print: a plain can is a body of revolution.
+    # Dirt of a few grey levels is no texture: a plain can is a body of revolution.
     symmetries = plain_symmetries(parts) if plain else Symmetries()
     offset = 0.3 * size * rng.uniform(-1, 1, 3)
     return assembled(family.__name__.strip("_"), parts, texture, size, turn, offset, symmetries)

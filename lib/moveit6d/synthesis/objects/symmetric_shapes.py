@@ -1,6 +1,6 @@
 """Random objects that look the same from several sides, and say so: cans, cones, blocks, prisms.
 
-Never has prints that break the symmetry. A share of them among the training objects teaches a
+Never has a texture that breaks the symmetry. A share of them among the training objects teaches a
 network that there are turns which nobody can see.
 """
 

@@ -1,6 +1,6 @@
 """Paints surface textures by code: noise, stripes, labels, logos, patches, plain ones too.
 
-Never knows geometry and never reads files; given photographs it uses them as prints.
+Never knows geometry and never reads files; given photographs it uses parts of them.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def paint(
     photos: Sequence[Picture] | None = None,
     plain: bool = False,
 ) -> Picture:
-    """One texture: a ground, then prints on it, then wear; `plain` leaves out the prints."""
+    """One texture: a base colour, patterns on it, wear; `plain` leaves out the patterns."""
     colour = palette[int(rng.integers(len(palette)))]
     if plain:
         picture = np.empty((height, width, 3), np.uint8)
@@ -91,7 +91,7 @@ def smooth_noise(
 
 
 def weather(rng: np.random.Generator, picture: Picture, amount: float) -> Picture:
-    """Dirt and uneven print: brightness noise of about `amount` grey levels, large and small."""
+    """Dirt and uneven colour: brightness noise of about `amount` grey levels, large and small."""
     height, width = picture.shape[:2]
     wear = amount * smooth_noise(rng, height, width, 4, 3)
     grain = 0.4 * amount * rng.standard_normal((height, width), np.float32)

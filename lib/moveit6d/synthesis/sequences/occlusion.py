@@ -48,7 +48,7 @@ class PassingOccluder:
     """One occluder that comes from outside, stays in front of the object for a while, and leaves.
 
     Its leading point keeps `near` pixels from the object's centre in the image at the closest, in
-    direction `angle`; `near` is set by `plan_passages` so that the right share is covered.
+    direction `angle`; `plan_passing_occluders` sets `near` so that the right share is occluded.
     """
 
     occluder: Occluder
@@ -109,11 +109,11 @@ def plan_passing_occluders(
     occlusion: tuple[float, float],
     photos: Sequence[NDArray[np.uint8]] | None = None,
 ) -> list[PassingOccluder]:
-    """Passages over about `share` of the frames, each covering a part drawn from `covered`."""
+    """Occluders over about `share` of the frames, each hiding a part drawn from `occlusion`."""
     if share * frames < 6:
         return []
     count = max(1, min(3, round(share * frames / 30)))
-    # The object counts as covered for about two thirds of a passage.
+    # The object is occluded for about two thirds of the time that an occluder is there.
     length = share * frames / count * 1.5
     room = frames / count
     occluders = []
@@ -129,7 +129,7 @@ def plan_passing_occluders(
 def visible_fraction(
     renderer: Renderer, mesh: Mesh, motion: Motion, occluders: Sequence[MovingOccluder], time: float
 ) -> float:
-    """Share of the object's silhouette that is inside the frame and not covered."""
+    """Share of the object's silhouette that is inside the frame and not occluded."""
     return visible_share(renderer, mesh, motion.pose(time), motion.camera, occluders, time)
 
 
@@ -141,7 +141,7 @@ def visible_share(
     occluders: Sequence[MovingOccluder],
     time: float,
 ) -> float:
-    """Share of the silhouette at a centred pose that is inside the frame and not covered."""
+    """Share of the silhouette at a centred pose that is inside the frame and not occluded."""
     window = outline_window(mesh, pose, camera)
     left, top, _ = window
     depth = silhouette(renderer, mesh, pose, camera, window)
@@ -218,7 +218,7 @@ def _facing(rng: np.random.Generator, occluder: Occluder, angle: float) -> torch
 def _come_near(
     renderer: Renderer, mesh: Mesh, passing: PassingOccluder, goal: float, most: float
 ) -> None:
-    """Set how near the passage comes: `goal` covered in its middle, never more than `most`."""
+    """Set how near the occluder comes: `goal` hidden in the middle, never more than `most`."""
     middle = passing.start + passing.length / 2
 
     def occlusion(near: float, time: float) -> float:
@@ -226,7 +226,7 @@ def _come_near(
         alone = visible_fraction(renderer, mesh, passing.motion, (), time)
         return alone - visible_fraction(renderer, mesh, passing.motion, (passing,), time)
 
-    # From far to near ever more is covered; past the centre (negative) less again.
+    # From far to near ever more is hidden; past the centre (negative) less again.
     radius = 0.5 * passing.motion.camera.fx * mesh.sphere_diameter / passing.motion.depth
     low, high = -0.3 * radius, passing.far
     for _ in range(12):

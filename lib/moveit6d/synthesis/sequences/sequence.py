@@ -61,7 +61,7 @@ def write_sequence(
 ) -> Path:
     """Make a sequence folder: frames/%06d.jpg, camera.json, mesh.glb, start.json, poses.csv.
 
-    `photos` (H, W, 3) uint8 become backgrounds and prints; without them pictures made by code do.
+    `photos` (H, W, 3) uint8 become backgrounds and textures; without them procedural pictures do.
     Nothing appears under `folder` before everything is written. An older sequence made here is
     replaced; any other folder that holds something is refused with an `InputError`. `on_frame` is
     called with the number of each finished frame.

@@ -1,4 +1,4 @@
-"""Made data sets in the formats of published ones, for when those cannot be had.
+"""Synthetic data sets in the formats of published ones, for when those cannot be had.
 
 Never takes the name of a real data set without the word surrogate: `surrogate.json` at the root
 says what it is, `visible_fraction.csv` what can be seen of each object in each frame.
@@ -43,7 +43,7 @@ Watch = Callable[[str, int], None]  # name and number of a finished frame
 class GenerationOptions:
     """How a surrogate is made: `frames` a sequence, what moves and shines how, and from which seed.
 
-    `photos` (H, W, 3) become backgrounds and prints; without them pictures made by code do.
+    `photos` (H, W, 3) become backgrounds and textures; without them procedural pictures do.
     """
 
     frames: int = 120
