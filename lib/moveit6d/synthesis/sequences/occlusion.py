@@ -18,11 +18,10 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...geometry.rotation import exp_so3
 from ...rendering.renderer import Renderer
+from ...typing import Float64
 from ..augmentation.occluders import Occluder, random_occluder
 from .image_formation import bounds, silhouette
 from .motion import Motion, SmoothPath
-
-Floats = NDArray[np.float64]
 
 
 class MovingOccluder(Protocol):
@@ -39,7 +38,7 @@ class MovingOccluder(Protocol):
     def present(self, frame: float) -> bool:
         """Whether it is about at a frame."""
 
-    def poses(self, times: Floats) -> Pose:
+    def poses(self, times: Float64) -> Pose:
         """Its centred poses at the moments (B,)."""
 
 
@@ -76,7 +75,7 @@ class PassingOccluder:
         """Whether the occluder is about at a frame (a little generously)."""
         return self.start - 1 <= frame <= self.start + self.length + 1
 
-    def poses(self, times: Floats) -> Pose:
+    def poses(self, times: Float64) -> Pose:
         """The occluder's centred poses at the moments (B,)."""
         return Pose.stack([self._pose(float(time)) for time in times])
 

@@ -23,6 +23,7 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...io import replacing_folder, write_json
 from ...rendering.backends import make_renderer
+from ...typing import RGBImage
 from ..objects.mesh_file import write_glb
 from .board_occluder import plan_board_occluder
 from .difficulty import Difficulty, find_difficulty
@@ -32,7 +33,6 @@ from .motion import SUBSTEPS, Motion, random_motion
 from .occlusion import MovingOccluder, plan_passing_occluders, visible_fraction, visible_share
 from .tabletop import TabletopObject, arrange_around
 
-Picture = NDArray[np.uint8]
 GENERATOR = "moveit6d synthesize"
 BESIDE = 1  # stream of random numbers
 
@@ -41,7 +41,7 @@ BESIDE = 1  # stream of random numbers
 class SyntheticFrame:
     """One frame of a scene: the picture, the true pose (mesh file's frame), what can be seen."""
 
-    image: Picture  # (H, W, 3)
+    image: RGBImage  # (H, W, 3)
     pose: Pose
     visible_fraction: float
     others: tuple[tuple[Pose, float], ...] = ()  # the same of the objects that move with it
@@ -54,7 +54,7 @@ def write_sequence(
     seed: int,
     frames: int = 120,
     difficulty: str | Difficulty = "medium",
-    photos: Sequence[Picture] | None = None,
+    photos: Sequence[RGBImage] | None = None,
     camera: Camera | None = None,
     quality: int = 90,
     on_frame: Callable[[int], None] | None = None,
@@ -99,7 +99,7 @@ class Scene:
         seed: int,
         frames: int,
         difficulty: str | Difficulty = "medium",
-        photos: Sequence[Picture] | None = None,
+        photos: Sequence[RGBImage] | None = None,
         camera: Camera | None = None,
         others: Sequence[Mesh] = (),
     ) -> None:

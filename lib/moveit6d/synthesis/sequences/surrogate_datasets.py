@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...datasets.catalog import SURROGATE
 from ...datasets.laval import write_laval_sequence
@@ -25,10 +24,10 @@ from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...io import replacing_folder, write_json
+from ...typing import RGBImage
 from .difficulty import Difficulty, find_difficulty
 from .sequence import Scene, SyntheticFrame
 
-Picture = NDArray[np.uint8]
 OCCLUSIONS = (0, 15, 30, 45)  # per cent, the levels that the paper reports on Laval
 VISIBLE = "visible_fraction.csv"
 COLUMNS = ("sequence", "frame", "visible_fraction")
@@ -49,7 +48,7 @@ class GenerationOptions:
     frames: int = 120
     difficulty: str | Difficulty = "medium"
     seed: int = 0
-    photos: Sequence[Picture] | None = None
+    photos: Sequence[RGBImage] | None = None
     on_frame: Watch | None = None
 
     def facts(self) -> dict[str, Any]:

@@ -61,7 +61,8 @@ class TrainingBatch:
     depth as in `Observation.depth`, `true_mask` (B, 1, 128, 128) its silhouette and `visible`
     (B, 1, 128, 128) what of that is not occluded; `clear` (B, 1, 128, 128) is 1 where nothing
     would occlude the object; `mesh` (B,) is the index of the object, `zoom` (B,) how many times
-    larger than usual the patch shows it (delta, distance and depths are in diameters divided by that),
+    larger than usual the patch shows it (delta, distance and depths are in diameters divided by
+    that),
     `rotation` (B, 3, 3) the start's in its view and `direction` (B, 2) x / z and y / z of its
     centre there, 0 in a look-at view.
     """
