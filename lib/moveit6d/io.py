@@ -24,7 +24,7 @@ def replacing(path: Path) -> Iterator[Path]:
     Makes the folder if it is missing. After an error the temporary file is removed and an older
     file at `path` stays as it was. `InputError` if nothing can be written there.
 
-    Example:
+    Examples:
         >>> from pathlib import Path
         >>> with replacing(Path("figures.txt")) as temporary:
         ...     _ = temporary.write_text("42")

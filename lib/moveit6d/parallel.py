@@ -60,7 +60,7 @@ def run_jobs(
     An `InputError` ends its item only and is its outcome; any other exception is a defect and ends
     everything. Whatever ends the iteration ends the workers.
 
-    Example:
+    Examples:
         >>> [(done.index, done.result) for done in run_jobs(len, ["a", "abc"])]
         [(0, 1), (1, 3)]
     """

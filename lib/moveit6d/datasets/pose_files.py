@@ -135,7 +135,7 @@ def write_poses(
 ) -> None:
     """Write a whole poses.csv, atomically.
 
-    Example:
+    Examples:
         >>> import torch
         >>> from pathlib import Path
         >>> from moveit6d import Pose

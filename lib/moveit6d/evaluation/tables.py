@@ -11,7 +11,7 @@ from collections.abc import Sequence
 def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A Markdown table, aligned so that it also reads as plain text.
 
-    Example:
+    Examples:
         >>> print(markdown(["object", "ADD"], [["cup", "99 %"]]))
         | object |  ADD |
         | ------ | ---- |
@@ -32,7 +32,7 @@ def plain(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def percent(share: float) -> str:
     """A share of 1 as percent with one digit.
 
-    Example:
+    Examples:
         >>> percent(0.1234)
         '12.3 %'
     """

@@ -41,7 +41,7 @@ class Look:
 def evenly(frames: Sequence[int], count: int) -> list[int]:
     """Up to `count` of the frames, evenly spread, the first and the last among them.
 
-    Example:
+    Examples:
         >>> evenly(range(100), 3)
         [0, 50, 99]
     """
@@ -58,7 +58,7 @@ def worst(badness: Mapping[int, float], count: int) -> list[int]:
     frames are at least half of the even distance of `count` pictures apart. Of equally bad frames
     the earlier comes first.
 
-    Example:
+    Examples:
         >>> worst({0: 0.1, 1: 0.9, 2: 0.8, 9: 0.5}, 2)
         [1, 2]
     """

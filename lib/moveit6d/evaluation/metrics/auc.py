@@ -20,7 +20,7 @@ def exact_auc(errors: Tensor, cap: float = CAP) -> float:
 
     A missing pose has an infinite error (NaN counts the same).
 
-    Example:
+    Examples:
         >>> import torch
         >>> round(exact_auc(torch.tensor([0.0, 0.05, float("inf")])), 3)
         0.5
@@ -37,7 +37,7 @@ def voc_auc(errors: Tensor, cap: float = CAP) -> float:
     0 where nothing is below the cap, where the toolbox itself fails.
     (yuxng/YCB_Video_toolbox, plot_accuracy_keyframe.m.)
 
-    Example:
+    Examples:
         >>> import torch
         >>> round(voc_auc(torch.tensor([0.0, 0.05, float("inf")])), 3)
         0.667

@@ -33,7 +33,7 @@ OPENGL = (1.0, -1.0, -1.0)
 def add(estimate: Pose, truth: Pose, points: Tensor) -> Tensor:
     """ADD: mean distance between points (N, 3) under two poses (...), metres: (...).
 
-    Example:
+    Examples:
         >>> import torch
         >>> from moveit6d import Pose
         >>> truth = Pose(torch.eye(3), torch.tensor([0.0, 0.0, 0.5]))
@@ -55,7 +55,7 @@ def adi(estimate: Pose, truth: Pose, points: Tensor) -> Tensor:
     For objects that look the same from several sides. The search goes from the truth to the
     estimate, as in BOP; the other way round gives slightly different numbers.
 
-    Example:
+    Examples:
         >>> import torch
         >>> from moveit6d import Pose
         >>> truth = Pose(torch.eye(3), torch.tensor([0.0, 0.0, 0.5]))
@@ -82,7 +82,7 @@ def add_s(estimate: Pose, truth: Pose, points: Tensor, symmetric: bool) -> Tenso
 def translation_error(estimate: Pose, truth: Pose) -> Tensor:
     """Distance of the two origins, metres: (...).
 
-    Example:
+    Examples:
         >>> import torch
         >>> from moveit6d import Pose
         >>> truth = Pose(torch.eye(3), torch.tensor([0.0, 0.0, 0.5]))
@@ -97,7 +97,7 @@ def translation_error(estimate: Pose, truth: Pose) -> Tensor:
 def rotation_error(estimate: Pose, truth: Pose) -> Tensor:
     """Angle between two rotations (...), degrees: (...). Exact also for tiny and for half turns.
 
-    Example:
+    Examples:
         >>> import torch
         >>> from moveit6d import Pose
         >>> from moveit6d.geometry.rotation import exp_so3
@@ -137,7 +137,7 @@ def within(
 
     A pose at a limit is within, as in M3T's evaluator; `strict` counts it out, as DeepAC does.
 
-    Example:
+    Examples:
         >>> import torch
         >>> from moveit6d import Pose
         >>> truth = Pose(torch.eye(3), torch.tensor([0.0, 0.0, 0.5]))
@@ -206,7 +206,7 @@ def laval_stability(poses: Pose) -> tuple[Tensor, Tensor]:
 def accuracy(errors: Tensor, limit: float | Tensor) -> float:
     """Share of the errors (N,) strictly below the limit; an infinite error is never below.
 
-    Example:
+    Examples:
         >>> import torch
         >>> accuracy(torch.tensor([0.001, 0.02, float("inf")]), limit=0.01)
         0.3333333333333333
@@ -221,7 +221,7 @@ def laval_failures(translation: Tensor, rotation: Tensor) -> int:
 
     Each time that more than 7 frames in a row are beyond 3 cm or 20°; then counting starts anew.
 
-    Example:
+    Examples:
         >>> import torch
         >>> laval_failures(torch.full((16,), 0.05), torch.zeros(16))
         2
@@ -239,7 +239,7 @@ def frames_until_lost(errors: Tensor, limit: float, run: int = LOST_RUN) -> int:
 
     Near the end the frames that are left are enough. N + 1 for a track that is never lost.
 
-    Example:
+    Examples:
         >>> import torch
         >>> frames_until_lost(torch.tensor([0.001] * 3 + [1.0] * 20), limit=0.01)
         4
@@ -257,7 +257,7 @@ def auroc(scores: Tensor, correct: Tensor) -> float:
     The chance that a right one has a higher score than a wrong one, ties counting half; NaN if all
     are right or all are wrong.
 
-    Example:
+    Examples:
         >>> import torch
         >>> auroc(torch.tensor([0.9, 0.8, 0.3]), torch.tensor([True, True, False]))
         1.0

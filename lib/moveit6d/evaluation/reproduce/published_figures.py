@@ -112,7 +112,7 @@ class PaperTable:
 
     `averages` are the printed ones, which are not always the means of the rows.
 
-    Example:
+    Examples:
         >>> YCB_ADD.value("024_bowl", OURS)
         99.44
     """

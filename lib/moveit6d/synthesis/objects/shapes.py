@@ -32,7 +32,7 @@ def random_object(
     With `photos` (H, W, 3) uint8 some of its textures are parts of photographs. The same generator
     state gives the same object.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> mesh = random_object(np.random.default_rng(0))
         >>> 0.05 < mesh.diameter < 0.5

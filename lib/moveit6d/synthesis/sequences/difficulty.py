@@ -54,7 +54,7 @@ DIFFICULTIES = {
 def find_difficulty(difficulty: str | Difficulty) -> Difficulty:
     """The level of that name; a `Level` stays what it is.
 
-    Example:
+    Examples:
         >>> find_difficulty("easy").pixels_per_frame
         (2.2, 2.9)
     """

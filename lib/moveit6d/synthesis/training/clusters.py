@@ -59,7 +59,7 @@ def draw_delta(
 
     In the first two clusters each of the 13 actions, stop (zeros) among them, is as likely.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> delta = draw_delta(np.random.default_rng(0), ClusterConfig(), "all_small")
         >>> bool((abs(delta[:2]) >= 1).all() and (abs(delta) <= 5).all())
