@@ -219,7 +219,7 @@ class TrackerConfig:
         contour: region-based refinement.
         calibration: calibration from the first frame.
 
-    Example:
+    Examples:
         >>> from moveit6d import TrackerConfig
         >>> from moveit6d.config import ContourConfig
         >>> TrackerConfig(contour=ContourConfig(enabled=False)).contour.enabled

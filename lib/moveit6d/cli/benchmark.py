@@ -88,7 +88,7 @@ def add_parser(verbs: Any) -> None:
         type=float,
         default=0.0,
         metavar="SHARE",
-        help="share of cases with a third of the object covered",
+        help="share of cases with a third of the object occluded",
     )
     three.add_argument("--number", type=positive, default=200, metavar="N", help="cases")
     three.add_argument("--seed", type=int, default=0, metavar="N", help="of the cases")
@@ -140,10 +140,11 @@ def refinement(args: argparse.Namespace) -> int:
 
     from ..errors import InputError
     from ..evaluation.metrics import ADD_LIMIT, auroc
-    from ..evaluation.synthetic_refinement import make_cases, run_cases
+    from ..evaluation.synthetic_refinement import run_cases
     from ..evaluation.tables import plain
     from ..geometry.mesh import Mesh
     from ..synthesis.augmentation.photos import load_photos
+    from ..synthesis.single_images import make_cases
 
     paths = sorted(p for p in args.objects.glob("*") if p.suffix in (".glb", ".ply", ".obj"))
     if not paths:
@@ -171,7 +172,7 @@ def refinement(args: argparse.Namespace) -> int:
         shares = [f"{100 * float((errors < limit).mean()):.1f}" for limit in (0.02, 0.05, 0.10)]
         rows.append([name, *shares, f"{100 * float(np.median(errors)):.2f}"])
     print(
-        f"{len(found)} cases, {len(meshes)} objects, cluster {args.cluster}, covered "
+        f"{len(found)} cases, {len(meshes)} objects, cluster {args.cluster}, occluded "
         f"{args.occluded:g}, seed {args.seed}\n"
     )
     print(plain(["", "ADD<2%", "ADD<5%", "ADD<10%", "median % d"], rows))

@@ -155,7 +155,7 @@ def _add_ycbv(kinds: Any) -> None:
 def tracking(args: argparse.Namespace) -> int:
     """Print a table for each of the results."""
     from ..datasets import open_dataset
-    from ..evaluation.benchmark import score_results
+    from ..evaluation.sequence_scores import score_results
     from ..evaluation.track_scores import tracking_table
 
     sequences = open_dataset(args.sequences, args.format)

@@ -133,7 +133,17 @@ class PoseWriter:
 def write_poses(
     path: Path, rows: Iterable[PoseRow], columns: Sequence[str] = TRACK_COLUMNS
 ) -> None:
-    """Write a whole poses.csv, atomically."""
+    """Write a whole poses.csv, atomically.
+
+    Examples:
+        >>> import torch
+        >>> from pathlib import Path
+        >>> from moveit6d import Pose
+        >>> pose = Pose(torch.eye(3), torch.tensor([0.0, 0.0, 0.5]))
+        >>> write_poses(Path("poses.csv"), [PoseRow(0, "a.png", pose), PoseRow(1, "b.png")])
+        >>> [row.pose is not None for row in read_poses(Path("poses.csv"))]
+        [True, False]
+    """
     with PoseWriter(path, columns) as writer:
         for row in rows:
             writer.write(row)

@@ -36,16 +36,16 @@ class TrackedFrame:
 
     @property
     def confident(self) -> bool:
-        """Whether there is a pose that the tracker itself believes."""
+        """Whether there is a pose whose confidence is not low."""
         return self.row.pose is not None and (self.row.confidence or 0.0) >= LOW_CONFIDENCE
 
 
 def calibrating(
     tracker: PoseTracker[TrackingResult], frames: Iterable[VideoFrame]
 ) -> Iterator[VideoFrame]:
-    """The frames, from the first of which the tracker learns: its start pose is exact there.
+    """The frames; the tracker calibrates from the first, in which its start pose is exact.
 
-    A first frame that it cannot learn from is passed on like the others, for `follow` to say why.
+    A first frame that cannot serve is passed on like the others, for `run_tracker` to say why.
     """
     for number, frame in enumerate(frames):
         if number == 0 and frame.image is not None:
@@ -57,7 +57,7 @@ def calibrating(
 def run_tracker(
     tracker: PoseTracker[TrackingResult], frames: Iterable[VideoFrame]
 ) -> Iterator[TrackedFrame]:
-    """One step a frame, in order. A bad frame gives a row without a pose; the track goes on."""
+    """One result a frame, in order. A bad frame gives a row without a pose; the track goes on."""
     for frame in frames:
         if frame.image is None:
             yield TrackedFrame(frame, _failed(frame), frame.error or "no image.")
