@@ -6,9 +6,12 @@ Never more than arguments.
 from __future__ import annotations
 
 import ctypes
+import site
 import sys
+import sysconfig
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 
 import torch
 from pytorch_lightning.callbacks import ModelCheckpoint
@@ -94,6 +97,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
     _run(FitCLI, sys.argv[1:] if arguments is None else arguments)
 
 
+def installed(word: str) -> str:
+    """An argument that names a file of `configs/` that is not here, as the one of the package.
+
+    Other arguments as they are.
+    """
+    option, equals, value = word.rpartition("=")
+    if not value.startswith("configs/") or Path(value).exists():
+        return word
+    shared = [Path(root) / "share/moveit6d" for root in (_prefix(), site.getuserbase())]
+    for root in (*shared, Path(__file__).parents[1]):  # the last one: installed to be edited
+        if (root / value).is_file():
+            return f"{option}{equals}{root / value}"
+    return word
+
+
+def _prefix() -> str:
+    return sysconfig.get_path("data")
+
+
 def _run(kind: type[FitCLI], arguments: Sequence[str]) -> FitCLI:
     with warnings.catch_warnings():
         # Arguments are handed in on purpose: `moveit6d` has taken its own verb off them.
@@ -101,7 +123,7 @@ def _run(kind: type[FitCLI], arguments: Sequence[str]) -> FitCLI:
         return kind(
             PoseActionModule,
             PairDataModule,
-            args=["fit", *arguments],
+            args=["fit", *map(installed, arguments)],
             save_config_kwargs={"overwrite": True},
             seed_everything_default=0,
         )

@@ -24,6 +24,7 @@ from .common import (
     versions,
     weights_facts,
 )
+from .earlier import clear_earlier
 from .messages import progress
 from .reporting import check_report, reporting, rerun_log
 
@@ -124,6 +125,8 @@ def run(args: argparse.Namespace) -> int:
         threads=setting.threads,
     )
     output = new_folder(args.output)
+    movie_file = None if args.no_overlay else output / "overlay.mp4"
+    clear_earlier(output, [movie_file, args.report, args.rerun])
     record = TrackSummary()
     with (
         _summary(output / "summary.json", record, args, setting),
