@@ -6,7 +6,9 @@ Never more than arguments.
 from __future__ import annotations
 
 import ctypes
+import site
 import sys
+import sysconfig
 import warnings
 from argparse import ArgumentError
 from collections.abc import Iterator, Sequence
@@ -112,7 +114,27 @@ def main(arguments: Sequence[str] | None = None) -> None:
     _run(FitCLI, sys.argv[1:] if arguments is None else arguments)
 
 
+def installed(word: str) -> str:
+    """An argument that names a file of `configs/` that is not here, as the one of the package.
+
+    Other arguments as they are.
+    """
+    option, equals, value = word.rpartition("=")
+    if not value.startswith("configs/") or Path(value).exists():
+        return word
+    shared = [Path(root) / "share/moveit6d" for root in (_prefix(), site.getuserbase())]
+    for root in (*shared, Path(__file__).parents[1]):  # the last one: installed to be edited
+        if (root / value).is_file():
+            return f"{option}{equals}{root / value}"
+    return word
+
+
+def _prefix() -> str:
+    return sysconfig.get_path("data")
+
+
 def _run(kind: type[FitCLI], arguments: Sequence[str]) -> FitCLI:
+    arguments = [installed(word) for word in arguments]
     for path in _configurations(arguments):
         _check_configuration(path)
     # Errors are raised, not printed behind pages of usage.

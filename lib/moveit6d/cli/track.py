@@ -26,6 +26,7 @@ from .common import (
     versions,
     weights_facts,
 )
+from .earlier import clear_earlier
 from .messages import progress
 from .reporting import check_report, reporting, rerun_log
 from .resuming import earlier_rows, going_on
@@ -133,6 +134,8 @@ def run(args: argparse.Namespace) -> int:
         threads=setting.threads,
     )
     output = new_folder(args.output)
+    movie_file = None if args.no_overlay else output / "overlay.mp4"
+    clear_earlier(output, [movie_file, args.report, args.rerun])
     record = TrackSummary()
     earlier = earlier_rows(output, args)
     for row in earlier:
