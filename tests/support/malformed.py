@@ -296,7 +296,8 @@ def _ycbv() -> tuple[dict[str, bytes], list[str]]:
     intrinsics = np.diag([200.0, 200, 1])
     savemat(stream, {"cls_indexes": np.array([[1]], np.uint8), "poses": pose,
                      "intrinsic_matrix": intrinsics}, do_compression=True)  # fmt: skip
-    files = {"data/0048/000001-color.png": BOX.png(), "data/0048/000001-meta.mat": stream.getvalue(),
+    files = {"data/0048/000001-color.png": BOX.png(),
+             "data/0048/000001-meta.mat": stream.getvalue(),
              "keyframe.txt": b"0048/000001\n", "image_sets/classes.txt": b"box\n",
              "models/box/textured_simple.obj": BOX.obj("").encode()}  # fmt: skip
     return files, ["data/0048/000001-meta.mat", "data/0048/000001-color.png", "keyframe.txt",
