@@ -17,10 +17,11 @@ import pytest
 
 from moveit6d.datasets import open_dataset
 from moveit6d.datasets.bop import BopDataset, read_results
-from moveit6d.datasets.pose_files import read_camera, read_pose, read_poses
+from moveit6d.datasets.pose_files import read_camera, read_poses
 from moveit6d.datasets.video import ImageFolder
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.pose import Pose
 from moveit6d.networks.weights_file import load_network
 from moveit6d.synthesis.training.shards import open_shards
 from tests.support.malformed import Malformed, corpus, good_files
@@ -68,7 +69,7 @@ def read_bop(folder: Path) -> None:
 READERS: dict[str, Callable[[Path], Any]] = {
     "mesh": read_mesh,
     "camera": lambda folder: read_camera(folder / "camera.json"),
-    "pose": lambda folder: read_pose(folder / "pose.json"),
+    "pose": lambda folder: Pose.load(folder / "pose.json"),
     "poses": lambda folder: read_poses(folder / "poses.csv"),
     "image": read_image,
     "results": lambda folder: read_results(folder / "r.csv"),

@@ -27,6 +27,13 @@ def replacing(path: Path) -> Iterator[Path]:
 
     Makes the folder if it is missing. After an error the temporary file is removed and an older
     file at `path` stays as it was. `InputError` if nothing can be written there.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> with replacing(Path("figures.txt")) as temporary:
+        ...     _ = temporary.write_text("42")
+        >>> Path("figures.txt").read_text()
+        '42'
     """
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:

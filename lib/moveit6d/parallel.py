@@ -20,6 +20,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
 
 from .errors import InputError
+from .extras import require
 
 # A task whose worker died is tried this many times more: one death is an accident (someone else's
 # memory, a machine that went away), two are the task's own doing.
@@ -58,6 +59,10 @@ def run_jobs(
 
     An `InputError` ends its item only and is its outcome; any other exception is a defect and ends
     everything. Whatever ends the iteration ends the workers.
+
+    Examples:
+        >>> [(done.index, done.result) for done in run_jobs(len, ["a", "abc"])]
+        [(0, 1), (1, 3)]
     """
     if ray is not None:
         yield from _on_ray(work, items, ray, cpus)
@@ -190,10 +195,9 @@ def _on_ray(
 
 
 def _connect(address: str) -> Any:
-    try:
-        import ray
-    except ImportError:
-        raise InputError("--ray needs the package ray: pip install 'moveit6d[ray]'.") from None
+    require("ray", "--ray")
+    import ray
+
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # tell nobody
     local: dict[str, Any] = {"include_dashboard": False} if address == "local" else {}
     try:

@@ -15,8 +15,10 @@ LIGHTNING = ROOT / "lightning_modules"
 # From the bottom up; a room may import from lower floors and from its own floor.
 FLOORS = (
     ("errors",),
+    ("extras",),
     ("checks", "io", "parallel", "typing", "config"),
     ("geometry",),
+    ("frame",),
     ("actions",),
     ("rendering",),
     ("observation",),

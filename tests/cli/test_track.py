@@ -20,7 +20,7 @@ import torch
 from PIL import Image
 
 from moveit6d.cli.main import main
-from moveit6d.datasets.pose_files import TRACK_COLUMNS, read_poses, write_pose
+from moveit6d.datasets.pose_files import TRACK_COLUMNS, read_poses
 from moveit6d.evaluation.metrics import add
 from moveit6d.geometry.pose import Pose
 
@@ -33,7 +33,7 @@ def clip(make_sequence: Make, scene: Any, use_oracle: Callable[..., None], tmp_p
     made = make_sequence("clip", frames=5, still=True)
     true = made.poses[0]
     off = torch.tensor([0.003, -0.002, 0.008], dtype=torch.float64)
-    write_pose(made.folder / "start.json", Pose(true.rotation, true.translation + off))
+    Pose(true.rotation, true.translation + off).save(made.folder / "start.json")
     use_oracle(scene.mesh, true)
     return Clip(made.folder, tmp_path / "out", true)
 
@@ -344,7 +344,7 @@ sys.exit(main(sys.argv[1:]))
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
 def test_signals_keep_what_was_done(make_sequence: Make, tmp_path: Path, number: int) -> None:
     made = make_sequence("clip", frames=5, still=True)
-    write_pose(made.folder / "start.json", made.poses[0])
+    made.poses[0].save(made.folder / "start.json")
     words = ["track", "--mesh", "mesh.ply", "--mesh_unit", "m", "--video", "frames",
              "--camera", "camera.json", "--start", "start.json", "--no_overlay",
              "--no_multi_start", "--no_contour", "--output", str(tmp_path / "out")]  # fmt: skip

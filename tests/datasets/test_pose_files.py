@@ -16,10 +16,8 @@ from moveit6d.datasets.pose_files import (
     PoseWriter,
     by_frame,
     read_camera,
-    read_pose,
     read_poses,
     write_camera,
-    write_pose,
     write_poses,
 )
 from moveit6d.errors import InputError
@@ -83,14 +81,14 @@ def test_what_is_no_json_object_is_refused(tmp_path: Path, content: str) -> None
 
 
 def test_missing_files_are_named(tmp_path: Path) -> None:
-    for read in (read_camera, read_pose, read_poses):
+    for read in (read_camera, read_poses):
         with pytest.raises(InputError, match=r"nowhere.* does not exist"):
             read(tmp_path / "nowhere")
 
 
 def test_pose_comes_back_exactly(tmp_path: Path) -> None:
-    write_pose(tmp_path / "pose.json", some_pose())
-    back = read_pose(tmp_path / "pose.json")
+    some_pose().save(tmp_path / "pose.json")
+    back = Pose.load(tmp_path / "pose.json")
     torch.testing.assert_close(back.rotation, some_pose().rotation, rtol=0, atol=1e-15)
     assert torch.equal(back.translation, some_pose().translation)
 
@@ -113,7 +111,7 @@ def test_a_bad_pose_is_named(
 ) -> None:
     path = save(tmp_path / "start.json", {"rotation": rotation, "translation": translation})
     with pytest.raises(InputError, match=words) as caught:
-        read_pose(path)
+        Pose.load(path)
     assert str(path) in str(caught.value)
 
 

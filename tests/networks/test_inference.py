@@ -3,10 +3,11 @@
 import pytest
 import torch
 
+from moveit6d.errors import InputError
 from moveit6d.networks import inference
 from moveit6d.networks.action_net import ActionNet
 from moveit6d.networks.correlation import CorrelationNet
-from moveit6d.networks.inference import TRACED, InferenceNetwork
+from moveit6d.networks.inference import TRACED, Compute, InferenceNetwork
 from moveit6d.networks.weights_file import load_network
 from moveit6d.policies import SHIPPED_WEIGHTS
 from tests.support.observations import an_observation
@@ -69,3 +70,22 @@ def test_capabilities_that_torch_does_not_list_are_not_there(
     assert not inference.is_bfloat16_fast()
     monkeypatch.delattr(torch.cpu, "get_capabilities")  # as in older versions of torch
     assert not inference.is_bfloat16_fast()
+
+
+def test_a_device_that_is_not_there_is_said() -> None:
+    with pytest.raises(InputError, match=r"cannot run on device 'xpu'.*choose 'cpu'"):
+        InferenceNetwork(CorrelationNet(), device="xpu")
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
+@pytest.mark.parametrize("compute", ["float32", "bfloat16"])
+def test_a_gpu_answers_as_the_cpu_does(compute: Compute) -> None:
+    torch.manual_seed(0)
+    network = CorrelationNet().eval()
+    for size in (1, 8):
+        observation = an_observation(size)
+        here = InferenceNetwork(network, compute)(observation)
+        there = InferenceNetwork(network, compute, "cuda")(observation)
+        assert there.delta is not None and here.delta is not None
+        assert there.delta.device.type == "cpu"
+        assert (there.delta - here.delta).abs().max() < (0.02 if compute == "float32" else 0.5)

@@ -13,7 +13,6 @@ from ..synthesis.training.clusters import CLUSTERS
 from . import benchmark_tracking
 from .common import (
     UNITS,
-    add_beyond_paper_options,
     add_machine_options,
     add_tracking_options,
     add_verb,
@@ -22,6 +21,7 @@ from .common import (
     set_up,
     use_threads,
 )
+from .settings import settings_of
 
 DESCRIPTION = """\
   moveit6d benchmark tracking   tracks whole sequences, beside rivals' results
@@ -89,12 +89,11 @@ def add_parser(verbs: Any) -> None:
         type=float,
         default=0.0,
         metavar="SHARE",
-        help="share of cases with a third of the object covered",
+        help="share of cases with a third of the object occluded",
     )
     three.add_argument("--number", type=positive, default=200, metavar="N", help="cases")
     three.add_argument("--seed", type=int, default=0, metavar="N", help="of the cases")
     add_tracking_options(three)
-    add_beyond_paper_options(three)
     three.set_defaults(run=refinement)
     four = add_verb(kinds, "oracle", "prove the loop", ORACLE, ORACLE_EXAMPLES)
     four.add_argument("--starts", type=positive, default=100, metavar="N", help="loops a mode")
@@ -123,7 +122,7 @@ def iteration(args: argparse.Namespace) -> int:
     mesh = demo_object() if args.mesh is None else Mesh.load(args.mesh, args.mesh_unit)
     policy, renderer = set_up(args)
     count = args.repeats + WARM_UP
-    rounds = progress(range(count), count, "cycle", "cycle")
+    rounds = progress(range(count), count, "iteration", "iteration")
     times = time_iteration(mesh, policy, renderer, rounds)
     rows = [[part, f"{value:.2f}"] for part, value in times.parts.items()]
     rows += [["sum", f"{times.total:.2f}"], ["whole iteration", f"{times.whole:.2f}"]]
@@ -142,10 +141,11 @@ def refinement(args: argparse.Namespace) -> int:
 
     from ..errors import InputError
     from ..evaluation.metrics import ADD_LIMIT, auroc
-    from ..evaluation.synthetic_refinement import make_cases, run_cases
+    from ..evaluation.synthetic_refinement import run_cases
     from ..evaluation.tables import plain
     from ..geometry.mesh import Mesh
     from ..synthesis.augmentation.photos import load_photos
+    from ..synthesis.single_images import make_cases
 
     paths = sorted(p for p in args.objects.glob("*") if p.suffix in (".glb", ".ply", ".obj"))
     if not paths:
@@ -164,10 +164,7 @@ def refinement(args: argparse.Namespace) -> int:
             seed=args.seed,
         )
     )
-    runs = run_cases(
-        cases, policy, renderer, args.max_iterations,
-        multi_start=not args.no_multi_start, contour=not args.no_contour,
-    )  # fmt: skip
+    runs = run_cases(cases, policy, renderer, settings_of(args))
     found = list(progress(runs, len(cases), "refine", "case"))
     rows = []
     for name, errors in (
@@ -177,7 +174,7 @@ def refinement(args: argparse.Namespace) -> int:
         shares = [f"{100 * float((errors < limit).mean()):.1f}" for limit in (0.02, 0.05, 0.10)]
         rows.append([name, *shares, f"{100 * float(np.median(errors)):.2f}"])
     print(
-        f"{len(found)} cases, {len(meshes)} objects, cluster {args.cluster}, covered "
+        f"{len(found)} cases, {len(meshes)} objects, cluster {args.cluster}, occluded "
         f"{args.occluded:g}, seed {args.seed}\n"
     )
     print(plain(["", "ADD<2%", "ADD<5%", "ADD<10%", "median % d"], rows))
@@ -193,10 +190,10 @@ def oracle(args: argparse.Namespace) -> int:
     """Run the loop with the oracle."""
     import numpy as np
 
+    from ..config import ActionMode
     from ..evaluation.oracle import oracle_errors
     from ..evaluation.tables import plain
-    from ..policies import ActionMode
-    from ..rendering.renderer import make_renderer
+    from ..rendering.backends import make_renderer
     from ..synthesis.objects.shapes import random_object
 
     use_threads(args.threads)

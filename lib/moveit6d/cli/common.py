@@ -16,7 +16,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from .. import __version__
+from ..config import TrackerConfig
 from ..errors import InputError
+from .settings import DEFAULT, PREFIX, add_settings, settings_of
 
 if TYPE_CHECKING:
     from ..evaluation.run_tracker import TrackedFrame
@@ -68,38 +70,14 @@ def add_verb(
     return parser
 
 
-def add_tracking_options(parser: argparse.ArgumentParser) -> None:
-    """The options of whatever runs the loop."""
+def add_tracking_options(parser: argparse.ArgumentParser, base: TrackerConfig = DEFAULT) -> None:
+    """The options of whatever runs the loop; `base` are the settings without any option."""
     group = parser.add_argument_group("tracking")
     group.add_argument(
         "--weights", type=Path, metavar="FILE", help="weights file instead of the shipped one"
     )
-    group.add_argument(
-        "--max_iterations",
-        type=positive,
-        metavar="N",
-        help="iterations per frame at most (default: 8, with single actions 30)",
-    )
-    group.add_argument(
-        "--single_actions",
-        action="store_true",
-        help="one of the 13 actions per iteration, as in the paper, instead of all axes at once",
-    )
     add_machine_options(group)
-
-
-def add_beyond_paper_options(parser: argparse.ArgumentParser) -> None:
-    """Of whatever refines poses: what goes past the paper's loop and can be left out."""
-    parser.add_argument(
-        "--no_multi_start",
-        action="store_true",
-        help="no other starts while the confidence is low (multi-start refinement)",
-    )
-    parser.add_argument(
-        "--no_contour",
-        action="store_true",
-        help="no region-based refinement of the network's poses",
-    )
+    add_settings(parser, base)
 
 
 def add_untextured_option(parser: argparse.ArgumentParser) -> None:
@@ -166,61 +144,37 @@ class Setting:
     weights: Path | None
     renderer: str
     threads: int
-    max_iterations: int | None
-    contour: bool = True
-    single_actions: bool = False
-    calibration: bool = True
-    multi_start: bool = True
     compute: Compute = "auto"
+    config: TrackerConfig = DEFAULT
 
     @staticmethod
-    def of(args: argparse.Namespace) -> Setting:
+    def of(args: argparse.Namespace, base: TrackerConfig = DEFAULT) -> Setting:
         """By the options of `add_tracking_options`; a weights file is found from anywhere."""
         weights = None if args.weights is None else args.weights.resolve()
-        contour = not getattr(args, "no_contour", False)
-        single = getattr(args, "single_actions", False)
-        calibration = not getattr(args, "no_calibration", False)
-        multi_start = not getattr(args, "no_multi_start", False)
-        return Setting(
-            weights,
-            args.renderer,
-            args.threads,
-            args.max_iterations,
-            contour,
-            single,
-            calibration,
-            multi_start,
-            _compute(args),
-        )
+        compute: Compute = "float32" if args.float32 else "auto"
+        config = settings_of(args, base)
+        return Setting(weights, args.renderer, args.threads, compute, config)
 
 
 @lru_cache(maxsize=1)
 def tools(setting: Setting) -> tuple[Policy, Renderer]:
     """Policy and renderer of a worker process, made once."""
-    return _make_tools(
-        setting.weights, setting.renderer, setting.threads, setting.single_actions, setting.compute
-    )
+    return make_tools(setting)
+
+
+def make_tools(setting: Setting) -> tuple[Policy, Renderer]:
+    """Policy and renderer by a setting."""
+    from ..policies import load_policy
+    from ..rendering.backends import make_renderer
+
+    use_threads(setting.threads)
+    policy = load_policy(setting.weights, compute=setting.compute)
+    return policy, make_renderer(setting.renderer)
 
 
 def set_up(args: argparse.Namespace) -> tuple[Policy, Renderer]:
     """Policy and renderer by the options of `add_tracking_options`."""
-    single = getattr(args, "single_actions", False)
-    return _make_tools(args.weights, args.renderer, args.threads, single, _compute(args))
-
-
-def _compute(args: argparse.Namespace) -> Compute:
-    return "float32" if args.float32 else "auto"
-
-
-def _make_tools(
-    weights: Path | None, renderer: str, threads: int, single_actions: bool, compute: Compute
-) -> tuple[Policy, Renderer]:
-    from ..policies import ActionMode, load_policy
-    from ..rendering.renderer import make_renderer
-
-    use_threads(threads)
-    mode = ActionMode.SINGLE if single_actions else None
-    return load_policy(weights, mode, compute), make_renderer(renderer)
+    return make_tools(Setting.of(args))
 
 
 def progress(
@@ -285,7 +239,7 @@ def weights_facts(path: Path | None) -> dict[str, str | None]:
 def given(args: argparse.Namespace) -> dict[str, Any]:
     """The arguments of a command as JSON can hold them."""
     return {
-        key: str(value) if isinstance(value, Path) else value
+        key.removeprefix(PREFIX): str(value) if isinstance(value, Path) else value
         for key, value in sorted(vars(args).items())
         if key != "run"
     }

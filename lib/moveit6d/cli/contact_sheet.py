@@ -9,6 +9,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..extras import require
 from .common import add_verb, positive, use_threads
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ DESCRIPTION = """\
 Draws training pairs as `moveit6d fit` would with the same configuration, and writes one PNG. Each
 pair is four patches: what the camera sees; the rendering of the start; what the camera sees with
 the outlines of the true pose (green) and of the start (red); and the object's mask, white where it
-can be seen, dark red where something covers it.
+can be seen, dark red where it is occluded.
 """
 
 EPILOG = """\
@@ -70,6 +71,7 @@ def add_data_options(parser: argparse.ArgumentParser) -> None:
 
 def data_of(args: argparse.Namespace) -> PairDataModule:
     """The data module by the options of `add_data_options`."""
+    require("train", "The configuration of a fit")
     from lightning_modules.cli import read_data
 
     words = [f"--config={path}" for path in args.config]

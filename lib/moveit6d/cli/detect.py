@@ -21,6 +21,7 @@ from .common import (
     versions,
     weights_facts,
 )
+from .settings import settings_of
 
 DESCRIPTION = """\
 Lays seeds over the image, sees where one iteration at each of them wants to go, looks for the
@@ -76,9 +77,9 @@ def run(args: argparse.Namespace) -> int:
     """Detect and write."""
     from PIL import Image
 
-    from ..datasets.pose_files import read_camera, write_pose
+    from ..datasets.pose_files import read_camera
     from ..datasets.video import ImageList
-    from ..estimation import DetectorConfig, PoseDetector
+    from ..estimation import PoseDetector, SeedDetectorConfig
     from ..geometry.mesh import Mesh
     from ..io import check_writable, replacing, write_json
     from ..visualization.overlay import draw_pose
@@ -88,25 +89,22 @@ def run(args: argparse.Namespace) -> int:
     frame = next(iter(ImageList((args.image,))))
     if frame.image is None:
         raise InputError(str(frame.error))
-    config = DetectorConfig(
-        tuple(args.sizes), sinks=args.sinks, rotations=args.rotations, seed=args.seed
+    config = SeedDetectorConfig(
+        sizes=tuple(args.sizes),
+        sinks=args.sinks,
+        rotations=args.rotations,
+        seed=args.seed,
+        criterion=args.criterion,
+        loop=settings_of(args).loop,
     )
     output = new_folder(args.output)
     check_writable(output / "pose.json")
     policy, renderer = set_up(args)
-    detector = PoseDetector(
-        mesh,
-        camera,
-        criterion=args.criterion,
-        config=config,
-        policy=policy,
-        renderer=renderer,
-        max_iterations=args.max_iterations,
-    )
+    detector = PoseDetector(mesh, camera, policy=policy, renderer=renderer, config=config)
     found = detector.detect(frame.image)
     if found.result is None or found.pose is None:
         raise InputError(f"{args.image}: the object was not found; try other --sizes.")
-    write_pose(output / "pose.json", found.pose)
+    found.pose.save(output / "pose.json")
     with replacing(output / "overlay.png") as temporary:
         Image.fromarray(draw_pose(frame.image, mesh, found.pose, camera, renderer)).save(temporary)
     facts = {

@@ -114,7 +114,7 @@ def _draw(mesh: Mesh, path: Path) -> None:
     from PIL import Image
 
     from ..io import replacing
-    from ..rendering.renderer import make_renderer
+    from ..rendering.backends import make_renderer
     from ..visualization.six_sides import six_sides
 
     with replacing(path) as temporary:

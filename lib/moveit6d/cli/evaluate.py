@@ -157,7 +157,7 @@ def _add_ycbv(kinds: Any) -> None:
 def tracking(args: argparse.Namespace) -> int:
     """Print a table for each of the results."""
     from ..datasets import open_dataset
-    from ..evaluation.benchmark import score_results
+    from ..evaluation.sequence_scores import score_results
     from ..evaluation.track_scores import tracking_table
 
     sequences = open_dataset(args.sequences, args.format)
@@ -194,7 +194,7 @@ def _average_recalls(
     dataset: BopDataset, files: Sequence[tuple[str, list[Estimate]]], args: argparse.Namespace
 ) -> str:
     from ..evaluation.bop.bop19 import bop19_table, has_depth, score_bop19, targets_of
-    from ..rendering.renderer import make_renderer
+    from ..rendering.backends import make_renderer
 
     targets = targets_of(dataset, args.targets)
     depth = has_depth(dataset, targets)

@@ -9,6 +9,7 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
+from ..extras import require
 from .common import add_verb
 
 DESCRIPTION = """\
@@ -39,6 +40,7 @@ def add_parser(verbs: Any) -> None:
 
 def forward(arguments: Sequence[str]) -> int:
     """Hand the arguments after `fit` over to the trainer's command line."""
+    require("train", "moveit6d fit")
     from lightning_modules.cli import main
 
     main(["--help" if word == "--all_options" else word for word in arguments])

@@ -8,13 +8,13 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 
 if TYPE_CHECKING:
     from ..datasets.pose_files import PoseRow
-    from ..datasets.video import Frame
+    from ..datasets.video import VideoFrame
     from ..estimation import PoseTracker
 
 # What a run goes by: a track that was begun with others cannot be gone on with.
@@ -48,8 +48,8 @@ def earlier_rows(output: Path, args: argparse.Namespace) -> list[PoseRow]:
 
 
 def going_on(
-    tracker: PoseTracker, frames: Iterable[Frame], rows: Sequence[PoseRow]
-) -> Iterator[Frame]:
+    tracker: PoseTracker[Any], frames: Iterable[VideoFrame], rows: Sequence[PoseRow]
+) -> Iterator[VideoFrame]:
     """The frames after those of the rows; before the first, the tracker is told what they say."""
     for frame in frames:
         if frame.index < len(rows):
@@ -60,13 +60,13 @@ def going_on(
         yield frame
 
 
-def tell(tracker: PoseTracker, row: PoseRow) -> None:
+def tell(tracker: PoseTracker[Any], row: PoseRow) -> None:
     """Let a tracker of one object know what became of an earlier frame."""
     (track,) = tracker.tracks
     if row.pose is None:
         track.miss()
     else:
-        track.add(row.pose, row.confidence or 0.0)
+        track.add(track.mesh.inner(row.pose), row.confidence or 0.0)
 
 
 def _text(args: argparse.Namespace, name: str) -> object:

@@ -23,11 +23,11 @@ changing light, things passing in front and noise, and writes the true pose of e
 The result is what `moveit6d benchmark tracking`, `track` and `reproduce` read. `moveit6d
 synthesize sequence` is the same.
 
-levels: easy (slow, never covered), occ (slow, covered at times), medium, fast (up to 24 pixels
-and 10 degrees a frame, blurred), hard (fast, covered, changing light, cluttered background)
+difficulties: easy (slow, never occluded), occ (slow, occluded at times), medium, fast (up to
+24 pixels and 10 degrees a frame, blurred), hard (fast, occluded, changing light, clutter)
 
-formats (docs/formats.md):
-  folders  one sequence folder; with --count 2 or more: <level>_<nn>. Files: frames/000000.jpg
+formats (docs/reference/formats.md):
+  folders  one sequence folder; with --count 2 or more: <difficulty>_<nn>. Files: frames/000000.jpg
            ..., camera.json, mesh.glb, start.json, poses.csv (the truth), info.json
   laval    a surrogate for the Laval data set: for every object OBJECT_occlusion_0 and, for each
            other --occlusion, one sequence with a board in front from below (h) and one from a

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 from .common import (
     UNITS,
-    add_beyond_paper_options,
+    Setting,
     add_tracking_options,
     add_untextured_option,
     add_verb,
     complaining,
     given,
+    make_tools,
     new_folder,
     progress,
-    set_up,
     versions,
     weights_facts,
 )
@@ -100,33 +100,32 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
     parser.add_argument("--rerun", type=Path, metavar="FILE", help="write an .rrd for rerun")
     add_tracking_options(parser)
-    add_beyond_paper_options(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Track and write."""
-    from ..datasets.pose_files import PoseWriter, read_camera, read_pose
+    from ..datasets.pose_files import PoseWriter, read_camera
     from ..datasets.video import LiveCamera, Prefetched, open_frames
     from ..estimation import PoseTracker
     from ..evaluation.run_tracker import TrackSummary, calibrating, run_tracker
     from ..geometry.mesh import Mesh
+    from ..geometry.pose import Pose
     from .drawing import draw_step
 
     mesh = Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
-    camera, start = read_camera(args.camera), read_pose(args.start)
+    camera, start = read_camera(args.camera), Pose.load(args.start)
     frames = open_frames(args.video)
     check_report(args.report, frames)
-    policy, renderer = set_up(args)
+    setting = Setting.of(args)
+    policy, renderer = make_tools(setting)
     tracker = PoseTracker(
         mesh,
         camera,
         start,
         policy=policy,
         renderer=renderer,
-        max_iterations=args.max_iterations,
-        multi_start=not args.no_multi_start,
-        contour=not args.no_contour,
+        config=setting.config,
     )
     output = new_folder(args.output)
     record = TrackSummary()
@@ -134,7 +133,7 @@ def run(args: argparse.Namespace) -> int:
     for row in earlier:
         record.add_row(row)
     with (
-        _summary(output / "summary.json", record, args),
+        _summary(output / "summary.json", record, args, setting),
         reporting(args.report, _about(args), mesh, camera, frames, renderer) as page,
         PoseWriter(output / "poses.csv", resume=bool(earlier)) as table,
         _movie(output / _movie_name(len(earlier)), frames.fps, args.no_overlay) as movie,
@@ -143,7 +142,8 @@ def run(args: argparse.Namespace) -> int:
         # A camera read ahead would show the past.
         ahead = frames if isinstance(frames, LiveCamera) else Prefetched(frames)
         watched = progress(ahead, frames.length, "track")
-        known = calibrating(tracker, watched) if args.exact_start else watched
+        exact = args.exact_start and setting.config.calibration.enabled
+        known = calibrating(tracker, watched) if exact else watched
         todo = going_on(tracker, known, earlier) if earlier else known
         for step in complaining(run_tracker(tracker, todo)):
             table.write(step.row)
@@ -168,7 +168,9 @@ def _about(args: argparse.Namespace) -> dict[str, str]:
 
 
 @contextmanager
-def _summary(path: Path, record: TrackSummary, args: argparse.Namespace) -> Iterator[None]:
+def _summary(
+    path: Path, record: TrackSummary, args: argparse.Namespace, setting: Setting
+) -> Iterator[None]:
     """Write the summary when the block ends, however it ends, if there was a frame."""
     from ..io import write_json
 
@@ -185,6 +187,7 @@ def _summary(path: Path, record: TrackSummary, args: argparse.Namespace) -> Iter
                 "interrupted": interrupted,
                 **weights_facts(args.weights),
                 "versions": versions(),
+                "config": setting.config.as_dict(),
                 "arguments": given(args),
             }
             write_json(path, facts)

@@ -20,7 +20,7 @@ from typing import Any
 from ..checks import number, whole
 from ..errors import InputError
 from ..geometry.camera import Camera
-from ..geometry.pose import Pose
+from ..geometry.pose import Pose, in_metres
 from ..io import check_writable, read_json, read_text, replacing, write_json
 
 ROTATION_COLUMNS = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
@@ -30,8 +30,6 @@ TRACK_COLUMNS = (
 )  # fmt: skip
 # A benchmark's result: one such file a sequence.
 RESULT_COLUMNS = ("frame", *POSE_COLUMNS, "milliseconds")
-# No object that fills a patch stands farther away: such a translation is in millimetres.
-FARTHEST = 100.0
 
 
 @dataclass(frozen=True)
@@ -82,27 +80,6 @@ def write_camera(path: Path, camera: Camera) -> None:
     }
     if camera.distortion is not None:
         content["distortion"] = list(camera.distortion)
-    write_json(path, content)
-
-
-def read_pose(path: Path) -> Pose:
-    """Pose of a pose.json or start.json: rotation 3×3 and translation in metres; float64."""
-    content = read_json(path)
-    missing = [key for key in ("rotation", "translation") if key not in content]
-    if missing:
-        raise InputError(
-            f"{path}: {' and '.join(missing)} missing; a pose needs rotation (3×3) and "
-            "translation (3 numbers, metres)."
-        )
-    pose = Pose.checked(content["rotation"], content["translation"], where=str(path))
-    if pose.batch_shape:
-        raise InputError(f"{path}: one pose expected, found {pose.batch_shape[0]}.")
-    return _not_millimetres(pose, str(path))
-
-
-def write_pose(path: Path, pose: Pose) -> None:
-    """Write a pose.json that `read_pose` reads back exactly."""
-    content = {"rotation": pose.rotation.tolist(), "translation": pose.translation.tolist()}
     write_json(path, content)
 
 
@@ -178,7 +155,17 @@ class PoseWriter:
 def write_poses(
     path: Path, rows: Iterable[PoseRow], columns: Sequence[str] = TRACK_COLUMNS
 ) -> None:
-    """Write a whole poses.csv, atomically."""
+    """Write a whole poses.csv, atomically.
+
+    Examples:
+        >>> import torch
+        >>> from pathlib import Path
+        >>> from moveit6d import Pose
+        >>> pose = Pose(torch.eye(3), torch.tensor([0.0, 0.0, 0.5]))
+        >>> write_poses(Path("poses.csv"), [PoseRow(0, "a.png", pose), PoseRow(1, "b.png")])
+        >>> [row.pose is not None for row in read_poses(Path("poses.csv"))]
+        [True, False]
+    """
     with replacing(path) as temporary, temporary.open("wb") as file:
         file.write(_line(columns))
         for row in rows:
@@ -240,7 +227,7 @@ def _read_row(row: Mapping[str, str | None], where: str) -> PoseRow:
         numbers = [value for value in values if value is not None]
         if all(math.isfinite(value) for value in numbers):
             pose = Pose.checked(numbers[:9], numbers[9:], where=where)
-            pose = _not_millimetres(pose, where)
+            pose = in_metres(pose, where)
     frame = _optional(row["frame"], f"{where}: frame")
     if frame is None or not frame.is_integer() or abs(frame) > 2**53:
         raise InputError(f"{where}: frame must be a whole number, found {row['frame']!r}.")
@@ -286,13 +273,3 @@ def _optional(text: str | None, where: str) -> float | None:
         return float(text)
     except ValueError:
         raise InputError(f"{where} must be a number, found {text!r}.") from None
-
-
-def _not_millimetres(pose: Pose, where: str) -> Pose:
-    distance = float(pose.translation.norm())
-    if distance > FARTHEST:
-        raise InputError(
-            f"{where}: the object stands {distance:.0f} m away; the translation looks like "
-            "millimetres, divide it by 1000."
-        )
-    return pose

@@ -34,7 +34,7 @@ Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
-class Frame:
+class VideoFrame:
     """One frame: its number from 0, its name, and the RGB image (H, W, 3), or else `error`."""
 
     index: int
@@ -57,7 +57,7 @@ class FrameSource(Protocol):
     def fps(self) -> float | None:
         """Frames a second."""
 
-    def __iter__(self) -> Iterator[Frame]: ...
+    def __iter__(self) -> Iterator[VideoFrame]: ...
 
 
 def open_frames(source: str | Path | int) -> FrameSource:
@@ -135,12 +135,12 @@ class ImageList:
         self.paths = tuple(paths)
         self.length: int | None = len(self.paths)
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[VideoFrame]:
         for index, path in enumerate(self.paths):
             try:
-                yield Frame(index, path.name, read_image(path))
+                yield VideoFrame(index, path.name, read_image(path))
             except InputError as error:
-                yield Frame(index, path.name, None, str(error))
+                yield VideoFrame(index, path.name, None, str(error))
 
 
 class ImageFolder(ImageList):
@@ -177,11 +177,11 @@ class Prefetched:
         """Frames a second."""
         return self.source.fps
 
-    def __iter__(self) -> Iterator[Frame]:
-        frames: queue.Queue[Frame | BaseException | None] = queue.Queue(self.ahead)
+    def __iter__(self) -> Iterator[VideoFrame]:
+        frames: queue.Queue[VideoFrame | BaseException | None] = queue.Queue(self.ahead)
         given_up = threading.Event()
 
-        def put(item: Frame | BaseException | None) -> bool:
+        def put(item: VideoFrame | BaseException | None) -> bool:
             while not given_up.is_set():
                 try:
                     frames.put(item, timeout=0.1)
@@ -224,7 +224,7 @@ class VideoFile:
             self.length: int | None = stream.frames or None
             self.fps: float | None = float(stream.average_rate) if stream.average_rate else None
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[VideoFrame]:
         import av
 
         index, last = 0, 0.0
@@ -244,19 +244,21 @@ class VideoFile:
                 try:
                     pictures = packet.decode()
                 except av.error.FFmpegError as error:
-                    yield Frame(index, self._name(index), None, f"damaged: {error.strerror}")
+                    yield VideoFrame(index, self._name(index), None, f"damaged: {error.strerror}")
                     index += 1
                     continue
                 for picture in pictures:
                     if picture.time is not None:
                         first = picture.time if first is None else first
                         last = picture.time - first
-                    yield Frame(index, self._name(index), _upright(picture))
+                    yield VideoFrame(index, self._name(index), _upright(picture))
                     index += 1
             if broken is not None or self._cut_off(container, stream, index, last):
                 whole = f" of {self.length}" if self.length else ""
                 message = f"{self.path} ends after {index}{whole} frames: cut off or damaged"
-                yield Frame(index, self._name(index), None, f"{message} ({broken or 'no more'}).")
+                yield VideoFrame(
+                    index, self._name(index), None, f"{message} ({broken or 'no more'})."
+                )
 
     def _cut_off(self, container: Any, stream: Any, frames: int, last: float) -> bool:
         """Whether both the promised frames and the promised time are missing.
@@ -307,7 +309,7 @@ class LiveCamera:
         rate = self._device.get(cv2.CAP_PROP_FPS)
         self.fps: float | None = rate if rate and rate > 0 else None
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[VideoFrame]:
         index = silent = 0
         try:
             while silent < CAMERA_PATIENCE:
@@ -315,10 +317,10 @@ class LiveCamera:
                 name = f"camera{self.index}#{index:06d}"
                 if there:
                     silent = 0
-                    yield Frame(index, name, np.ascontiguousarray(image[..., ::-1]))
+                    yield VideoFrame(index, name, np.ascontiguousarray(image[..., ::-1]))
                 else:
                     silent += 1
-                    yield Frame(index, name, None, f"camera {self.index} gave no frame.")
+                    yield VideoFrame(index, name, None, f"camera {self.index} gave no frame.")
                 index += 1
         finally:
             self._device.release()

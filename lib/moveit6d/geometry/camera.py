@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass, replace
 
 import torch
+from kornia.geometry.camera import project_points, unproject_points
 from torch import Tensor
 
 from ..errors import InputError
@@ -45,14 +46,40 @@ class Camera:
                 f"found {len(self.distortion)} values."
             )
 
+    @property
     def matrix(self) -> Tensor:
         """The intrinsic matrix K, float64 (3, 3)."""
         rows = [[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]]
         return torch.tensor(rows, dtype=torch.float64)
 
     def project(self, points: Tensor) -> Tensor:
-        """Pinhole projection of points in the camera's frame: (..., 3) metres → (..., 2) pixels."""
-        return project(points, self.matrix().to(points))
+        """Pinhole projection of points in the camera's frame: (..., 3) metres → (..., 2) pixels.
+
+        Points on the camera's plane (z = 0) have no pixel and give NaN.
+
+        >>> import torch
+        >>> Camera(600, 600, 320, 240, 640, 480).project(torch.tensor([0.1, 0.0, 0.5]))
+        tensor([440., 240.])
+        """
+        flat = points.reshape(-1, 3)
+        pixels: Tensor = project_points(flat, self.matrix.to(points).expand(len(flat), 3, 3))
+        pixels = pixels.where(flat[:, 2:] != 0, torch.nan)
+        return pixels.reshape(*points.shape[:-1], 2)
+
+    def unproject(self, pixels: Tensor, depth: Tensor | float = 1.0) -> Tensor:
+        """Points in the camera's frame behind pixels (..., 2) at a depth z: (..., 3) metres.
+
+        `depth` (...) is a number or broadcasts against the pixels.
+
+        >>> import torch
+        >>> Camera(600, 600, 320, 240, 640, 480).unproject(torch.tensor([440.0, 240.0]), 0.5)
+        tensor([0.1000, 0.0000, 0.5000])
+        """
+        flat = pixels.reshape(-1, 2)
+        z = torch.as_tensor(depth).to(pixels).expand(pixels.shape[:-1]).reshape(-1, 1)
+        matrix = self.matrix.to(pixels).expand(len(flat), 3, 3)
+        points: Tensor = unproject_points(flat, z, matrix)
+        return points.reshape(*pixels.shape[:-1], 3)
 
     def resize(self, width: int, height: int) -> Camera:
         """The camera of the same picture resampled to width × height (half-pixel rule)."""
@@ -82,7 +109,7 @@ class Camera:
 
         batch = image.reshape(-1, *image.shape[-3:])
         floating = batch if batch.is_floating_point() else batch.float()
-        matrix = self.matrix().to(floating)[None].expand(len(batch), 3, 3)
+        matrix = self.matrix.to(floating)[None].expand(len(batch), 3, 3)
         coefficients = floating.new_tensor(self.distortion)[None].expand(len(batch), 5)
         undone = undistort_image(floating, matrix, coefficients)
         if not batch.is_floating_point():
@@ -93,7 +120,8 @@ class Camera:
 def project(points: Tensor, intrinsics: Tensor) -> Tensor:
     """Pixels of points in the camera's frame: (..., N, 3) or (..., 3), K (..., 3, 3) → (..., 2).
 
-    Points on the camera's plane (z = 0) have no pixel and give infinities.
+    The fast twin of `Camera.project`, for one camera or a batch of intrinsics. Points on the
+    camera's plane (z = 0) give infinities.
     """
     focal = torch.stack([intrinsics[..., 0, 0], intrinsics[..., 1, 1]], -1)
     centre = intrinsics[..., :2, 2]

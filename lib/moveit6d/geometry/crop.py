@@ -6,7 +6,7 @@ sphere `PATCH_SIZE / PADDING` pixels wide; in its frame every object stands at (
 
 The axis-parallel crop, which others use, is a square cut out of the image: its camera is not turned
 and the square's middle is the object's. An object away from the image's middle then looks turned
-and slanted. It is here to be compared with (docs/training.md).
+and slanted. It is here to be compared with (docs/experiments/training.md).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Draws poses on frames: the outline of the object and the axes of its frame.
 
-Never moves a pose. The outline comes from a rendered mask, so it is what the tracker believes, and
+Never moves a pose. The contour comes from a rendered mask, so it is that of the estimate, and
 it is drawn on the frame as it was taken, lens distortion included.
 """
 
@@ -17,6 +17,7 @@ from ..geometry.camera import Camera
 from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE, look_at
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..rendering.backends import make_renderer
 from ..rendering.renderer import Renderer
 
 GREEN = (40, 255, 80)
@@ -59,13 +60,18 @@ def draw_pose(
     mesh: Mesh,
     pose: Pose,
     camera: Camera,
-    renderer: Renderer,
+    renderer: Renderer | None = None,
     *,
     color: tuple[int, int, int] = GREEN,
     axes: bool = True,
 ) -> Image:
-    """A copy of the RGB frame (H, W, 3) with the object's outline and, at its centre, its axes."""
+    """A copy of the RGB frame (H, W, 3) with the object's contour and, at its centre, its axes.
+
+    `pose` is in the mesh file's frame; `renderer` is embree if None.
+    """
     import cv2
+
+    renderer = make_renderer() if renderer is None else renderer
 
     picture = np.ascontiguousarray(image).copy()
     width = max(1, round(min(image.shape[:2]) / 300))
@@ -119,6 +125,6 @@ def _on_frame(points: NDArray[np.float64], camera: Camera) -> NDArray[np.int32]:
         return np.zeros((0, 2), np.int32)
     zero = np.zeros(3)
     lens = np.array(camera.distortion or (0.0,) * 5)
-    pixels, _ = cv2.projectPoints(points, zero, zero, camera.matrix().numpy(), lens)
+    pixels, _ = cv2.projectPoints(points, zero, zero, camera.matrix.numpy(), lens)
     far = 1 << 20  # keeps what lies far outside of the frame within OpenCV's integers
     return np.asarray((pixels[:, 0] * (1 << _SHIFT)).round().clip(-far, far), np.int32)

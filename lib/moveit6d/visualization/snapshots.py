@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from ..datasets.pose_files import PoseRow
-from ..datasets.video import Frame, FrameSource, Image, ImageList, Prefetched, read_image
+from ..datasets.video import FrameSource, Image, ImageList, Prefetched, VideoFrame, read_image
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
@@ -39,7 +39,12 @@ class Look:
 
 
 def evenly(frames: Sequence[int], count: int) -> list[int]:
-    """Up to `count` of the frames, evenly spread, the first and the last among them."""
+    """Up to `count` of the frames, evenly spread, the first and the last among them.
+
+    Examples:
+        >>> evenly(range(100), 3)
+        [0, 50, 99]
+    """
     if len(frames) <= count:
         return list(frames)
     places = np.linspace(0, len(frames) - 1, count).round().astype(int)
@@ -52,6 +57,10 @@ def worst(badness: Mapping[int, float], count: int) -> list[int]:
     So a stretch where the object is lost shows its worst moment and leaves room for others: two
     frames are at least half of the even distance of `count` pictures apart. Of equally bad frames
     the earlier comes first.
+
+    Examples:
+        >>> worst({0: 0.1, 1: 0.9, 2: 0.8, 9: 0.5}, 2)
+        [1, 2]
     """
     apart = max(1, len(badness) // (2 * count))
     chosen: list[int] = []
@@ -63,16 +72,16 @@ def worst(badness: Mapping[int, float], count: int) -> list[int]:
     return chosen
 
 
-def fetch(source: FrameSource, wanted: set[int]) -> Iterator[Frame]:
+def fetch(source: FrameSource, wanted: set[int]) -> Iterator[VideoFrame]:
     """The frames with these numbers, in order; of image files no others are opened."""
     files = source.source if isinstance(source, Prefetched) else source
     if isinstance(files, ImageList):
         for index in sorted(number for number in wanted if number < len(files.paths)):
             path = files.paths[index]
             try:
-                yield Frame(index, path.name, read_image(path))
+                yield VideoFrame(index, path.name, read_image(path))
             except InputError as error:
-                yield Frame(index, path.name, None, str(error))
+                yield VideoFrame(index, path.name, None, str(error))
         return
     last = max(wanted, default=-1)
     for frame in files:

@@ -1,6 +1,6 @@
 """The nearest of a symmetric object's equivalent poses: what an expert would head for.
 
-Never renders. METHOD 4: no network is taught to turn a can whose turn nobody can see.
+Never renders. No network is taught to turn a can whose turn nobody can see.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Training pairs: a start pose's rendering beside an observed patch whose true pose is known.
 
 Never trains. A pair lives in one look-at view, that of the start pose, so that all it needs is an
-orientation, a distance in diameters and the counts to the truth. METHOD 8. (For comparison also in
+orientation, a distance in diameters and the pose delta to the truth. (For comparison also in
 an axis-parallel view; there it matters in which direction the object stands.)
 """
 
@@ -45,7 +45,7 @@ class PairConfig:
     crop: Crop = "look_at"
     off_axis: float = 0.45  # tangent up to which objects stand beside the axis, if axis-parallel
     zoomed: float = 0.0  # share of pairs of which the patch shows only the middle of the object …
-    zoom: tuple[float, float] = (1.1, 2.0)  # … so many times larger; all counts are larger, too
+    zoom: tuple[float, float] = (1.1, 2.0)  # … so many times larger; all deltas are larger, too
     # What a policy may move at once, and how far off it may lead, in training on its own states.
     farthest: tuple[float, ...] = (35.0, 35.0, 20.0, 25.0, 25.0, 25.0)
     texture_gain: float = 0.2  # how far the mesh's colours may be from the object's, a channel
@@ -56,12 +56,13 @@ class PairConfig:
 class TrainingBatch:
     """Observations and the truth about them, B pairs.
 
-    `counts` (B, 6) take the start to the truth, or to the nearest pose that looks the same if the
+    `delta` (B, 6) takes the start to the truth, or to the nearest pose that looks the same if the
     object declares symmetries; `true_depth` (B, 1, 128, 128) is the true pose's
     depth as in `Observation.depth`, `true_mask` (B, 1, 128, 128) its silhouette and `visible`
-    (B, 1, 128, 128) what of that nothing covers; `clear` (B, 1, 128, 128) is 1 where nothing would
-    cover the object; `mesh` (B,) is the index of the object, `zoom` (B,) how many times larger than
-    usual the patch shows it (counts, distance and depths are in diameters divided by that),
+    (B, 1, 128, 128) what of that is not occluded; `clear` (B, 1, 128, 128) is 1 where nothing
+    would occlude the object; `mesh` (B,) is the index of the object, `zoom` (B,) how many times
+    larger than usual the patch shows it (delta, distance and depths are in diameters divided by
+    that),
     `rotation` (B, 3, 3) the start's in its view and `direction` (B, 2) x / z and y / z of its
     centre there, 0 in a look-at view.
     """
@@ -106,7 +107,7 @@ class PairGenerator:
         return self.compose(torch.from_numpy(index), torch.from_numpy(delta))
 
     def compose(self, index: Tensor, delta: Tensor) -> TrainingBatch:
-        """Pairs of the given meshes (B,) whose truth lies `counts` (B, 6) away from the start."""
+        """Pairs of the given meshes (B,) whose truth lies a `delta` (B, 6) away from the start."""
         meshes = [self.meshes[int(i)] for i in index]
         zoom = self._zoom(len(meshes))
         diameter = sphere_diameters(meshes) / zoom
@@ -135,7 +136,7 @@ class PairGenerator:
     def advance(self, batch: TrainingBatch, moves: Tensor) -> TrainingBatch:
         """The same pictures as they look after a policy's moves (B, 6), with new renderings.
 
-        So that a network is trained on the states that it leads to (METHOD 9d). A move that would
+        So that a network is trained on the states that it leads to. A move that would
         lose the object, or that leads farther away than `farthest`, is not made.
         """
         meshes = [self.meshes[int(i)] for i in batch.mesh]

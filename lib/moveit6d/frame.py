@@ -1,19 +1,20 @@
 """Images as they come in: checked, undistorted, as tensors.
 
-Never crops and never decides.
+Never crops an object out of them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from ..errors import InputError
-from ..geometry.camera import Camera
+from .errors import InputError
+from .geometry.camera import Camera
+from .typing import ImageLike
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,13 @@ class Frame:
     pixels: Tensor
     camera: Camera
 
+    @cached_property
+    def intrinsics(self) -> Tensor:
+        """The camera's matrix K, float64 (3, 3)."""
+        return self.camera.matrix
 
-def prepare_frame(image: Any, camera: Camera) -> Frame:
+
+def prepare_frame(image: ImageLike | Frame | None, camera: Camera) -> Frame:
     """An RGB image (H, W, 3) without lens distortion; a `Frame` is returned as it is.
 
     uint8, or floating point in [0, 1]. Raises `InputError` for anything else, for numbers that are
@@ -53,5 +59,5 @@ def prepare_frame(image: Any, camera: Camera) -> Frame:
         tensor = tensor.to(torch.float32)
     elif tensor.dtype != torch.uint8:
         raise InputError(f"Image must be uint8 or floating point, found {tensor.dtype}.")
-    # Contiguous: every cycle cuts a window out of it.
+    # Contiguous: every iteration cuts a window out of it.
     return Frame(*camera.undistort(tensor.permute(2, 0, 1).contiguous()))
