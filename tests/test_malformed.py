@@ -95,7 +95,7 @@ def time_limit(seconds: int) -> Iterator[None]:
 
 
 def problem(case: Malformed, folder: Path) -> str:
-    """What was wrong with how an input was taken; "" for a sentence, "read" for a readable one."""
+    """What was wrong with how an input was taken; "" for a sentence, "read" if it can be read."""
     for name, content in case.files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)

@@ -13,7 +13,14 @@ from moveit6d.cli.earlier import clear_earlier
 def earlier(folder: Path, **arguments: object) -> None:
     folder.mkdir(exist_ok=True)
     (folder / "summary.json").write_text(json.dumps({"arguments": arguments}))
-    for name in ("poses.csv", "overlay.mp4", "report.html", "mine.txt", "run.rrd"):
+    for name in (
+        "poses.csv",
+        "overlay.mp4",
+        "overlay_000012.mp4",
+        "report.html",
+        "mine.txt",
+        "run.rrd",
+    ):
         (folder / name).write_text("earlier")
 
 
@@ -28,7 +35,9 @@ def test_what_nothing_replaces_is_removed(
     left = {path.name for path in folder.iterdir()}
     assert left == {"summary.json", "poses.csv", "mine.txt", "run.rrd"} and outside.exists()
     said = capsys.readouterr().err
-    assert "earlier track" in said and "removed: overlay.mp4, report.html" in said
+    assert (
+        "earlier track" in said and "removed: overlay.mp4, overlay_000012.mp4, report.html" in said
+    )
 
 
 def test_what_is_written_anew_stays_until_then(tmp_path: Path) -> None:

@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.video import ImageList
     from ..estimation import PoseDetector, SeedDetectorConfig
     from ..geometry.mesh import Mesh
-    from ..io import replacing, write_json
+    from ..io import check_writable, replacing, write_json
     from ..visualization.overlay import draw_pose
 
     mesh = Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
@@ -98,6 +98,8 @@ def run(args: argparse.Namespace) -> int:
         criterion=args.criterion,
         loop=settings_of(args).loop,
     )
+    output = new_folder(args.output)
+    check_writable(output / "pose.json")
     policy, renderer = set_up(args)
     detector = PoseDetector(
         mesh, camera, policy=policy, renderer=renderer, config=config, threads=args.threads
@@ -105,7 +107,6 @@ def run(args: argparse.Namespace) -> int:
     found = detector.detect(frame.image)
     if found.result is None or found.pose is None:
         raise InputError(f"{args.image}: the object was not found; try other --sizes.")
-    output = new_folder(args.output)
     found.pose.save(output / "pose.json")
     with replacing(output / "overlay.png") as temporary:
         Image.fromarray(draw_pose(frame.image, mesh, found.pose, camera, renderer)).save(temporary)

@@ -40,4 +40,5 @@ def _files(folder: Path, summary: Path) -> list[Path]:
         for path in (Path(name) for name in named if isinstance(name, str))
         if path.suffix in (".html", ".rrd") and path.resolve().parent == folder.resolve()
     ]
-    return [path for path in (folder / "overlay.mp4", *inside) if path.is_file()]
+    movies = folder.glob("overlay_[0-9]*.mp4")  # of a track that was gone on with
+    return [path for path in (folder / "overlay.mp4", *movies, *inside) if path.is_file()]

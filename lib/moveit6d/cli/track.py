@@ -134,17 +134,18 @@ def run(args: argparse.Namespace) -> int:
         threads=setting.threads,
     )
     output = new_folder(args.output)
-    movie_file = None if args.no_overlay else output / "overlay.mp4"
-    clear_earlier(output, [movie_file, args.report, args.rerun])
     record = TrackSummary()
     earlier = earlier_rows(output, args)
+    movie_file = None if args.no_overlay else output / _movie_name(len(earlier))
+    if not earlier:
+        clear_earlier(output, [movie_file, args.report, args.rerun])
     for row in earlier:
         record.add_row(row)
     with (
         _summary(output / "summary.json", record, args, setting),
         reporting(args.report, _about(args), mesh, camera, frames, renderer) as page,
         PoseWriter(output / "poses.csv", resume=bool(earlier)) as table,
-        _movie(output / _movie_name(len(earlier)), frames.fps, args.no_overlay) as movie,
+        _movie(movie_file, frames.fps) as movie,
         rerun_log(args.rerun, mesh, camera) as log,
     ):
         # What is live and read ahead would show the past.
@@ -206,10 +207,10 @@ def _movie_name(first: int) -> str:
     return f"overlay_{first:06d}.mp4" if first else "overlay.mp4"
 
 
-def _movie(path: Path, fps: float | None, left_out: bool) -> AbstractContextManager[Any]:
+def _movie(path: Path | None, fps: float | None) -> AbstractContextManager[Any]:
     from ..visualization.video import VideoWriter
 
-    return nullcontext() if left_out else VideoWriter(path, fps or 25.0)
+    return nullcontext() if path is None else VideoWriter(path, fps or 25.0)
 
 
 def _verdict(record: TrackSummary, output: Path) -> int:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +76,7 @@ class BopDataset:
     _scenes: dict[tuple[int, str], dict[str, Any]] = field(default_factory=dict, repr=False)
     _meshes: dict[Path, Mesh] = field(default_factory=dict, repr=False)
     _listed: dict[Path, dict[int, Path]] = field(default_factory=dict, repr=False)
+    _info: dict[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if not self.root.is_dir():
@@ -181,7 +181,9 @@ class BopDataset:
         Nothing where there is no such file or it is silent about an object whose mesh is there.
         """
         path = self._models() / "models_info.json"
-        known = _read_cached(path) if path.exists() else {}
+        if self._info is None:
+            self._info = read_json(path) if path.exists() else {}
+        known = self._info
         if known.get(str(number)) is not None:
             return mapping(known[str(number)], f"{path}: object {number}")
         if model_file(path.parent, number) is None:
@@ -310,8 +312,3 @@ def _target(content: dict[str, Any], path: Path) -> BopTarget:
         None if item is None else whole(item, f"{path}: obj_id"),
         None if count is None else whole(count, f"{path}: inst_count"),
     )
-
-
-@lru_cache(maxsize=16)
-def _read_cached(path: Path) -> dict[str, Any]:
-    return read_json(path)

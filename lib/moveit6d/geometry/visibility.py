@@ -33,7 +33,7 @@ def why_unseen(pose: Pose, mesh: Mesh, camera: Camera) -> str | None:
     image, and not around the camera itself.
     """
     body = _Body.of(mesh)
-    rotation, place = pose.rotation.detach().numpy(), pose.translation.detach().numpy()
+    rotation, place = pose.rotation.detach().cpu().numpy(), pose.translation.detach().cpu().numpy()
     corners = body.corners @ rotation.T + place  # (N, 3)
     depth, size = float(place[2]), mesh.sphere_diameter
     if depth <= 0 or corners[:, 2].max() <= 0:
