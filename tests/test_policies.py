@@ -1,4 +1,4 @@
-"""Policies: how decisions become moves, the oracle, folded networks."""
+"""Policies: how predictions become actions, the oracle, folded networks."""
 
 import dataclasses
 

@@ -66,7 +66,12 @@ def replacing_folder(path: Path) -> Iterator[Path]:
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write one JSON object, atomically. Numbers that are not finite become null."""
+    """Write one JSON object, atomically. Numbers that are not finite become null.
+
+    >>> write_json(Path("a.json"), {"mean": math.nan, "frames": 3})
+    >>> read_json(Path("a.json"))
+    {'mean': None, 'frames': 3}
+    """
     text = json.dumps(_finite(content), indent=2, allow_nan=False)
     with replacing(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")

@@ -169,6 +169,9 @@ def load_policy(
     `compute` are the numbers of its convolutions: `auto` takes bfloat16 where the processor has
     AMX instructions, which is faster and changes poses by hundredths of a unit; with `float32` they
     are what they are on machines without.
+
+    >>> load_policy().mode.value
+    'all_axes'
     """
     loaded = load_network(SHIPPED_WEIGHTS if path is None else Path(path))
     name = "shipped multi-object model" if path is None else Path(path).name

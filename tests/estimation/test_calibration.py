@@ -31,7 +31,7 @@ CONFIG = TrackerConfig()
 
 @dataclass
 class TooNear:
-    """Knows the one pose, but takes every object for so many counts larger than it is."""
+    """Knows the one pose, but takes every object for so many units larger than it is."""
 
     pose: Pose
     bias: float
@@ -39,7 +39,7 @@ class TooNear:
     crop: Crop = "look_at"
 
     def predict(self, seen: Observation, state: LoopState) -> PolicyOutput:
-        """The exact counts with the bias."""
+        """The exact delta with the bias."""
         number = len(state.target)
         oracle = OraclePolicy(Pose.stack([self.pose] * number), self.mode)
         same = replace(state, target=torch.arange(number))

@@ -32,7 +32,7 @@ DESCRIPTION = """\
 ORACLE = """\
 Runs the loop from random starts of the paper's five clusters on three made objects, with a
 policy that knows the true pose, and prints how far from it the loops end: under half a step
-on every axis if crop, rendering, moves and stop rules are right. About one loop in a thousand
+on every axis if crop, rendering, updates and stop rules are right. About one loop in a thousand
 of single steps ends by oscillation instead, a few thousandths of a step farther away, because
 turns do not commute. No weights are used.
 """

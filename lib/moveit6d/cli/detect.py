@@ -23,8 +23,9 @@ from .settings import settings_of
 
 DESCRIPTION = """\
 Lays seeds over the image, sees where one iteration at each of them wants to go, looks for the
-places where the moves converge, and tries a coarse grid of rotations there. The object is
-taken to be in the picture. It takes seconds to minutes; a given start is always surer.
+places where the predicted shifts converge, and tries a coarse grid of rotations there. The
+object is taken to be in the picture. It takes seconds to minutes; a given start is always
+surer.
 
 files written to --output:
   pose.json     the pose found: start of `moveit6d track`

@@ -35,6 +35,20 @@ class PoseEstimator:
         policy: predicts the pose deltas; the shipped network if None.
         renderer: the back end; embree if None.
         config: every other setting.
+
+    Example:
+        >>> import numpy as np
+        >>> from moveit6d import Camera, Mesh, OraclePolicy, Pose, PoseEstimator
+        >>> corners = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
+        >>> mesh = Mesh.from_arrays("corner", corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        >>> camera = Camera(300, 300, 159.5, 119.5, 320, 240)
+        >>> image = np.zeros((240, 320, 3), np.uint8)
+        >>> truth = Pose.from_rvec([0, 0, 0], [0.01, 0, 0.5])
+        >>> start = Pose.from_rvec([0, 0, 0], [0, 0, 0.5])
+        >>> policy = OraclePolicy(Pose.stack([mesh.inner(truth)]))  # knows the answer
+        >>> result = PoseEstimator(mesh, camera, policy=policy).refine(image, start)
+        >>> result.stopped_by.value, result.confidence
+        ('stop_action', 1.0)
     """
 
     def __init__(

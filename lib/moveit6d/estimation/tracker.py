@@ -48,6 +48,22 @@ class PoseTracker(Generic[Results]):
         config: every other setting.
 
     With one mesh `update` returns one result, with a list of meshes a list of results.
+
+    Example:
+        >>> import numpy as np
+        >>> from moveit6d import Camera, Mesh, OraclePolicy, Pose, PoseTracker
+        >>> corners = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
+        >>> mesh = Mesh.from_arrays("corner", corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        >>> camera = Camera(300, 300, 159.5, 119.5, 320, 240)
+        >>> image = np.zeros((240, 320, 3), np.uint8)
+        >>> truth = Pose.from_rvec([0, 0, 0], [0.01, 0, 0.5])
+        >>> start = Pose.from_rvec([0, 0, 0], [0, 0, 0.5])
+        >>> policy = OraclePolicy(Pose.stack([mesh.inner(truth)]))  # knows the answer
+        >>> tracker = PoseTracker(mesh, camera, start, policy=policy)
+        >>> for _ in range(3):
+        ...     result = tracker.update(image)
+        >>> bool((result.pose.translation - truth.translation).norm() < 0.002)
+        True
     """
 
     @overload

@@ -87,6 +87,12 @@ class Mesh:
 
         Those are uv (V, 2) and a texture (H, W, 3) uint8, or vertex_colors (V, 3) uint8, or
         neither (plain grey). `InputError` where something cannot be right.
+
+        >>> corners = [[0, 0, 0], [100, 0, 0], [0, 100, 0], [0, 0, 100]]
+        >>> faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+        >>> mesh = Mesh.from_arrays("corner", corners, faces, unit="mm")
+        >>> round(mesh.diameter, 4)
+        0.1414
         """
         if unit not in METRES:
             raise InputError(f"{name}: the unit is {unit!r}, must be one of {', '.join(METRES)}.")
