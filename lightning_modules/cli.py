@@ -6,18 +6,28 @@ Never more than arguments.
 from __future__ import annotations
 
 import ctypes
+import site
 import sys
+import sysconfig
 import warnings
-from collections.abc import Sequence
+from argparse import ArgumentError
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
 
 import torch
 from pytorch_lightning.callbacks import ModelCheckpoint
 from pytorch_lightning.cli import LightningArgumentParser, LightningCLI
 
+from moveit6d.checks import reading
+from moveit6d.errors import InputError
+from moveit6d.io import read_text
+
 from .callbacks import FigureLine, WeightsExport
 from .pair_data_module import PairDataModule
 from .pose_action_module import PoseActionModule
 
+MOST_ALIASES, LARGEST_CONFIGURATION = 50, 1 << 20  # of YAML; characters
 EVERY = 250  # steps between checkpoints and between weights files, if nothing else is asked for
 
 
@@ -46,6 +56,16 @@ class FitCLI(LightningCLI):
         )
         for target in ("checkpoint.dirpath", "export.folder", "trainer.default_root_dir"):
             parser.link_arguments("output", target)
+
+    def parse_arguments(self, parser: LightningArgumentParser, args: Any) -> None:
+        """Read the configuration; what is wrong in it is an `InputError`."""
+        with reading("the configuration of the fit"):
+            super().parse_arguments(parser, args)
+
+    def instantiate_classes(self) -> None:
+        """Make what the configuration names; what cannot be made is an `InputError`."""
+        with reading("the configuration of the fit"):
+            super().instantiate_classes()
 
     def before_instantiate_classes(self) -> None:
         """Limit the threads, and settle the memory, before anything is computed."""
@@ -94,14 +114,74 @@ def main(arguments: Sequence[str] | None = None) -> None:
     _run(FitCLI, sys.argv[1:] if arguments is None else arguments)
 
 
+def installed(word: str) -> str:
+    """An argument that names a file of `configs/` that is not here, as the one of the package.
+
+    Other arguments as they are.
+    """
+    option, equals, value = word.rpartition("=")
+    if not value.startswith("configs/") or Path(value).exists():
+        return word
+    shared = [Path(root) / "share/moveit6d" for root in (_prefix(), site.getuserbase())]
+    for root in (*shared, Path(__file__).parents[1]):  # the last one: installed to be edited
+        if (root / value).is_file():
+            return f"{option}{equals}{root / value}"
+    return word
+
+
+def _prefix() -> str:
+    return sysconfig.get_path("data")
+
+
 def _run(kind: type[FitCLI], arguments: Sequence[str]) -> FitCLI:
-    with warnings.catch_warnings():
-        # Arguments are handed in on purpose: `moveit6d` has taken its own verb off them.
-        warnings.filterwarnings("ignore", message="LightningCLI's args parameter")
-        return kind(
-            PoseActionModule,
-            PairDataModule,
-            args=["fit", *arguments],
-            save_config_kwargs={"overwrite": True},
-            seed_everything_default=0,
+    arguments = [installed(word) for word in arguments]
+    for path in _configurations(arguments):
+        _check_configuration(path)
+    # Errors are raised, not printed behind pages of usage.
+    errors: Any = {"exit_on_error": False}
+    try:
+        with warnings.catch_warnings():
+            # Arguments are handed in on purpose: `moveit6d` has taken its own verb off them.
+            warnings.filterwarnings("ignore", message="LightningCLI's args parameter")
+            return kind(
+                PoseActionModule,
+                PairDataModule,
+                args=["fit", *arguments],
+                save_config_kwargs={"overwrite": True},
+                seed_everything_default=0,
+                parser_kwargs={**errors, "fit": errors},
+            )
+    except ArgumentError as error:
+        text = " ".join(str(error.message).split())
+        remedy = "`moveit6d fit --all_options` lists what there is"
+        raise InputError(f"fit: {text[:300].rstrip('.')}; {remedy}.") from error
+    except SystemExit as end:
+        # Lightning answers Ctrl-C with the exit code of a defect.
+        if isinstance(end.__context__, KeyboardInterrupt):
+            raise end.__context__ from None
+        raise
+
+
+def _configurations(arguments: Sequence[str]) -> Iterator[Path]:
+    """The files of `--config FILE` and `--config=FILE`."""
+    for word, following in zip(arguments, [*arguments[1:], ""], strict=True):
+        if word in ("--config", "-c"):
+            yield Path(following)
+        elif word.startswith("--config="):
+            yield Path(word.partition("=")[2])
+
+
+def _check_configuration(path: Path) -> None:
+    """Refuse what is no YAML text, or would unfold without end."""
+    import yaml
+
+    text = read_text(path)
+    try:
+        aliases = sum(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text))
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        reason = " ".join(str(error).split())[:160] or "it is nested too deeply"
+        raise InputError(f"{path} is not a YAML file: {reason}.") from error
+    if aliases > MOST_ALIASES or len(text) > LARGEST_CONFIGURATION:
+        raise InputError(
+            f"{path} is no configuration: it is too long, or repeats itself too often."
         )

@@ -90,6 +90,14 @@ class PairDataModule(pl.LightningDataModule):
         device: Literal["cpu", "cuda"] = "cpu",
     ) -> None:
         super().__init__()
+        least = {"batch_size": 1, "validation_batches": 1}
+        counts = {
+            "batch_size": batch_size, "validation_batches": validation_batches, "holdout": holdout,
+            "shapes": shapes, "renew_every": renew_every, "workers": workers, "seed": seed,
+        }  # fmt: skip
+        for name, value in counts.items():
+            if value < least.get(name, 0):
+                raise InputError(f"data.{name} is {value}, must be {least.get(name, 0)} or more.")
         self.folder, self.mesh_unit, self.holdout = meshes, mesh_unit, holdout
         self.photos, self.photo_limit = photos, photo_limit
         self.occluders, self.written = occluders, written

@@ -1,4 +1,4 @@
-"""Policies: how decisions become moves, the oracle, folded networks."""
+"""Policies: how predictions become actions, the oracle, folded networks."""
 
 import dataclasses
 
@@ -19,6 +19,7 @@ from moveit6d.policies import (
     LoopState,
     NetworkPolicy,
     OraclePolicy,
+    load_policy,
     rotate_delta,
     to_action,
 )
@@ -152,3 +153,9 @@ def test_single_actions_are_not_turned() -> None:
     state = LoopState(pose, torch.ones(1).double(), torch.arange(1))
     prediction = DihedralAugmentation(policy).predict(an_observation(1), state)
     assert prediction.delta is None
+
+
+def test_policies_of_the_same_weights_share_one_network() -> None:
+    first, second = load_policy(), load_policy()
+    assert first is not second and first.network is second.network
+    assert load_policy(compute="float32").network is not load_policy(compute="bfloat16").network

@@ -54,7 +54,7 @@ class PoseAction:
     users have. What an update means in metres depends on the pose that it starts from, so that
     composition and inversion need that pose too.
 
-    Example:
+    Examples:
         >>> import torch
         >>> from moveit6d import PoseAction
         >>> PoseAction.from_delta(torch.tensor([2.0, 0, 0, 0, 0, 5])).delta

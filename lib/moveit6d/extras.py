@@ -23,6 +23,8 @@ def require(extra: str, what: str) -> None:
     """`InputError` that says what to install if a package of an extra is missing.
 
     `what` needs it, as the subject of a sentence: "--report".
+
+    >>> require("report", "--report")
     """
     missing = [name for name in EXTRAS[extra] if find_spec(name) is None]
     if missing:

@@ -50,6 +50,11 @@ def prepare_frame(image: ImageLike | Frame | None, camera: Camera) -> Frame:
     Arrays (read-only and with any strides too), tensors and PIL images; uint8, or floating point
     in [0, 1]. Grey images become RGB, a fourth channel (alpha) is left out. Raises `InputError`
     for anything else, for numbers that are not finite and for a size that is not the camera's.
+
+    >>> camera = Camera(300, 300, 160, 120, 320, 240)
+    >>> frame = prepare_frame(np.zeros((240, 320, 3), np.uint8), camera)
+    >>> tuple(frame.pixels.shape)
+    (3, 240, 320)
     """
     if isinstance(image, Frame):
         return image

@@ -5,16 +5,20 @@ Never knows what the content means.
 
 from __future__ import annotations
 
+import glob
 import json
 import math
 import os
 import shutil
+import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from .errors import InputError
+
+LARGEST_TEXT = 512 * 2**20  # bytes
 
 
 @contextmanager
@@ -23,10 +27,18 @@ def replacing(path: Path) -> Iterator[Path]:
 
     Makes the folder if it is missing. After an error the temporary file is removed and an older
     file at `path` stays as it was. `InputError` if nothing can be written there.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> with replacing(Path("figures.txt")) as temporary:
+        ...     _ = temporary.write_text("42")
+        >>> Path("figures.txt").read_text()
+        '42'
     """
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        _sweep(path)
         if path.is_dir():
             raise InputError(f"{path} is a folder; a file of that name was to be written.")
         try:
@@ -37,6 +49,43 @@ def replacing(path: Path) -> Iterator[Path]:
         os.replace(temporary, path)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}.") from error
+
+
+def check_writable(path: Path) -> None:
+    """`InputError`, before any long work, where a file at `path` could not be written."""
+    probe = path.with_name(f".{path.name[:100]}.{os.getpid()}.probe")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir():
+            raise InputError(f"{path} is a folder; a file of that name was to be written.")
+        probe.touch()
+        probe.unlink()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path} cannot be written: {reason}.") from error
+
+
+def _sweep(path: Path) -> None:
+    """Remove temporary files of `path` that processes left which were killed, an hour ago or more.
+
+    Younger ones may belong to another machine that writes to the same folder.
+    """
+    for left in path.parent.glob(f".{glob.escape(path.stem)}.*{glob.escape(path.suffix)}"):
+        number = left.name[len(path.stem) + 2 : len(left.name) - len(path.suffix)]
+        with suppress(OSError):
+            old = number.isdecimal() and time.time() - left.stat().st_mtime > 3600
+            if old and not _runs(int(number)):
+                left.unlink()
+
+
+def _runs(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
 
 
 @contextmanager
@@ -59,7 +108,12 @@ def replacing_folder(path: Path) -> Iterator[Path]:
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write one JSON object, atomically. Numbers that are not finite become null."""
+    """Write one JSON object, atomically. Numbers that are not finite become null.
+
+    >>> write_json(Path("a.json"), {"mean": math.nan, "frames": 3})
+    >>> read_json(Path("a.json"))
+    {'mean': None, 'frames': 3}
+    """
     text = json.dumps(_finite(content), indent=2, allow_nan=False)
     with replacing(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
@@ -81,15 +135,30 @@ def read_json_list(path: Path) -> list[Any]:
     return content
 
 
-def _json(path: Path) -> Any:
+def read_text(path: Path) -> str:
+    """A text file in UTF-8, with or without a mark; `InputError` for anything else."""
     try:
-        return json.loads(path.read_text(encoding="utf-8-sig"))
+        if path.exists() and not path.is_file():  # a pipe would never end
+            raise InputError(f"{path} is not a regular file.")
+        if path.stat().st_size > LARGEST_TEXT:
+            raise InputError(f"{path} is larger than {LARGEST_TEXT >> 20} MB; that is no text.")
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"{path} does not exist.") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not a JSON file: {error}.") from error
+    except ValueError as error:  # not UTF-8, or a path with a zero byte
+        raise InputError(f"{path} is not a text file: {str(error)[:120]}.") from error
+
+
+def _json(path: Path) -> Any:
+    text = read_text(path)
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise InputError(f"{path} is not a JSON file: it is nested too deeply.") from None
+    except ValueError as error:  # its integers may also have too many digits
+        raise InputError(f"{path} is not a JSON file: {str(error)[:120]}.") from error
 
 
 def _finite(value: Any) -> Any:

@@ -59,6 +59,10 @@ def run_jobs(
 
     An `InputError` ends its item only and is its outcome; any other exception is a defect and ends
     everything. Whatever ends the iteration ends the workers.
+
+    Examples:
+        >>> [(done.index, done.result) for done in run_jobs(len, ["a", "abc"])]
+        [(0, 1), (1, 3)]
     """
     if ray is not None:
         yield from _on_ray(work, items, ray, cpus)

@@ -9,6 +9,7 @@ import itertools
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
+from weakref import WeakValueDictionary
 
 import torch
 from torch import Tensor
@@ -182,8 +183,18 @@ def load_policy(
     `compute` are the numbers of its convolutions: `auto` takes bfloat16 where the processor has
     AMX instructions, which is faster and changes poses by hundredths of a unit; with `float32` they
     are what they are on machines without.
+
+    >>> load_policy().mode.value
+    'all_axes'
     """
     loaded = load_network(SHIPPED_WEIGHTS if path is None else Path(path))
     name = "shipped multi-object model" if path is None else Path(path).name
     source = f"{name} (sha256 {loaded.sha256[:12]})"
-    return NetworkPolicy(loaded.network, source, compute, device)
+    policy = NetworkPolicy(loaded.network, source, compute, device)
+    # Policies of the same weights share what their network traces and packs.
+    key = (loaded.sha256, compute, str(device))
+    policy.network = _SHARED.setdefault(key, policy.network)
+    return policy
+
+
+_SHARED: WeakValueDictionary[tuple[str, str, str], InferenceNetwork] = WeakValueDictionary()

@@ -16,7 +16,7 @@ LIGHTNING = ROOT / "lightning_modules"
 FLOORS = (
     ("errors",),
     ("extras",),
-    ("io", "parallel", "threads", "typing", "config"),
+    ("checks", "io", "parallel", "threads", "typing", "config"),
     ("geometry",),
     ("frame", "camera_calibration"),
     ("actions",),

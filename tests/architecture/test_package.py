@@ -167,8 +167,13 @@ print(code, sentences)
 def test_wheel_holds_the_two_packages_and_nothing_else(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     info = f"moveit6d-{moveit6d.__version__}.dist-info"
-    assert {name.split("/")[0] for name in names} == {"moveit6d", "lightning_modules", info}
-    files = {name for name in names if not name.startswith(info)}
+    data = f"moveit6d-{moveit6d.__version__}.data"
+    roots = {name.split("/")[0] for name in names}
+    assert roots == {"moveit6d", "lightning_modules", info, data}
+    configs = {path.relative_to(ROOT).as_posix() for path in (ROOT / "configs").rglob("*.yaml")}
+    place = f"{data}/data/share/moveit6d/"
+    assert {name.removeprefix(place) for name in names if name.startswith(data)} == configs
+    files = {name for name in names if not name.startswith((info, data))}
     kinds = {Path(name).suffix or Path(name).name for name in files}
     assert kinds <= {".py", ".typed", ".safetensors", ".md", ".j2"}
     assert "moveit6d/visualization/templates/report.html.j2" in files

@@ -77,7 +77,7 @@ def test_wrong_arguments_are_bad_input(
         (InputError("mesh.obj has no faces."), 2, "moveit6d: mesh.obj has no faces."),
         (WeightsError("weights are damaged."), 2, "moveit6d: weights are damaged."),
         (RenderingUnavailable("install libegl1."), 3, "moveit6d: install libegl1."),
-        (KeyboardInterrupt(), 130, "what was done is kept"),
+        (KeyboardInterrupt(), 130, "what was finished is kept"),
     ],
 )
 def test_errors_become_one_sentence_and_an_exit_code(

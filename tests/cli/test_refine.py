@@ -13,6 +13,7 @@ import pytest
 import torch
 from PIL import Image
 
+from moveit6d.cli import refine
 from moveit6d.cli.main import main
 from moveit6d.datasets.bop import BopDataset, Estimate, read_results, write_results
 from moveit6d.estimation import estimator
@@ -118,6 +119,52 @@ def test_poses_get_better_and_keep_their_order(
     seconds = [row.seconds for row in refined]
     assert seconds[0] == seconds[2] > 0 and seconds[1] == seconds[4], "one time an image"
     assert "5 poses in 3 images, 0 kept as given" in capsys.readouterr().out
+
+
+def test_an_interrupted_run_is_gone_on_with(
+    dataset: BopDataset,
+    command: Callable[..., int],
+    rows: list[Estimate],
+    use_oracle: Callable[..., None],
+    scene: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    use_oracle(dataset.mesh(2), scene.pose(0), targets=2)
+    assert command(rows) == 0
+    whole = read_results(tmp_path / "refined.csv")
+    assert not list(tmp_path.glob("*.unfinished"))
+    calls, refine_image = [], refine.refine_image
+
+    def stopped(*given: Any) -> list[Estimate]:
+        calls.append(given)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return refine_image(*given)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(refine, "refine_image", stopped)
+        assert command(rows) == 130
+    assert len(read_results(tmp_path / "refined.csv")) == 2, "what was done until then"
+    with (tmp_path / "refined.csv.unfinished").open("a") as file:
+        file.write('{"row": 4, "rota')  # as kill -9 may leave it
+    assert command(rows, "--resume", "--no_contour") == 2, "begun with other settings"
+    calls.clear()
+    with monkeypatch.context() as patch:
+        patch.setattr(refine, "refine_image", lambda *g: calls.append(g) or refine_image(*g))
+        assert command(rows, "--resume") == 0
+    assert len(calls) == 2, "one image was done before"
+    assert not list(tmp_path.glob("*.unfinished"))
+    for one, other in zip(read_results(tmp_path / "refined.csv"), whole, strict=True):
+        torch.testing.assert_close(one.pose.matrix(), other.pose.matrix())
+
+
+def test_a_place_that_cannot_be_written_is_said_before_the_work(
+    command: Callable[..., int], rows: list[Estimate], tmp_path: Path, capsys: Any
+) -> None:
+    (tmp_path / "refined.csv").mkdir()
+    assert command(rows) == 2
+    assert "refined.csv is a folder" in capsys.readouterr().err
 
 
 def test_before_and_after_are_compared_by_evaluate(

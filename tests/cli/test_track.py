@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import itertools
 import json
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -247,7 +251,7 @@ def bad_inputs(clip: Clip, tmp: Path) -> dict[str, tuple[dict[str, str], str]]:
         "behind the camera": (pose(EYE, [0, 0, -0.5]), "behind the camera"),
         "out of sight": (pose(EYE, [2, 0, 0.5]), "outside of the image"),
         "millimetres": (pose(EYE, [10, 20, 500]), "millimetres"),
-        "inside the object": (pose(EYE, [-0.03, 0.01, 0.02]), "inside the object"),
+        "inside the object": (pose(EYE, [-0.03, 0.01, -0.01]), "inside the object"),
         "output is a file": ({"output": str(clip.folder / "camera.json")}, "cannot be made"),
     }
 
@@ -305,3 +309,65 @@ def test_bad_weights_are_one_sentence(
     said = capsys.readouterr().err
     assert "w.safetensors" in said and len(said.splitlines()) == 1
     assert not clip.output.exists()
+
+
+def test_a_track_is_gone_on_with(
+    clip: Clip, interrupt_update: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context():
+        interrupt_update(3)
+        assert clip.track() == 130
+    monkeypatch.undo()
+    before = (clip.output / "poses.csv").read_text()
+    assert clip.track("--resume", "--exact_start") == 2, "begun without --exact_start"
+    assert clip.track("--resume") == 0
+    assert (clip.output / "poses.csv").read_text().startswith(before)
+    rows = read_poses(clip.output / "poses.csv")
+    assert [row.frame for row in rows] == [0, 1, 2, 3, 4]
+    assert frames_in(clip.output / "overlay_000002.mp4") == 3
+    assert clip.summary()["frames"] == 5 and clip.summary()["interrupted"] is False
+    assert clip.track("--resume") == 0, "nothing is left to do"
+    assert len(read_poses(clip.output / "poses.csv")) == 5
+
+
+SLOW = """
+import signal, sys, time
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it would stay ignored
+from moveit6d.cli.main import main
+from moveit6d.estimation import PoseTracker
+update = PoseTracker.update
+def slowly(self, image):
+    time.sleep(0.3)
+    return update(self, image)
+PoseTracker.update = slowly
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
+def test_signals_keep_what_was_done(make_sequence: Make, tmp_path: Path, number: int) -> None:
+    made = make_sequence("clip", frames=5, still=True)
+    made.poses[0].save(made.folder / "start.json")
+    words = ["track", "--mesh", "mesh.ply", "--mesh_unit", "m", "--video", "frames",
+             "--camera", "camera.json", "--start", "start.json", "--no_overlay",
+             "--no_multi_start", "--no_contour", "--output", str(tmp_path / "out")]  # fmt: skip
+    process = subprocess.Popen(
+        [sys.executable, "-c", SLOW, *words], cwd=made.folder, stderr=subprocess.PIPE, text=True
+    )
+    table = tmp_path / "out" / "poses.csv"
+    deadline = time.monotonic() + 120
+    while process.poll() is None and time.monotonic() < deadline:
+        if table.is_file() and len(read_poses(table)) >= 2:  # it can be read while it is written
+            process.send_signal(number)
+            break
+        time.sleep(0.02)
+    said = process.communicate(timeout=60)[1]
+    assert 2 <= len(read_poses(table)) < 5
+    if number == signal.SIGKILL:
+        assert process.returncode == -signal.SIGKILL
+        return
+    assert process.returncode == 128 + number
+    assert said.strip().endswith("what was finished is kept.") and "Traceback" not in said
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["interrupted"] is True
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"poses.csv", "summary.json"}

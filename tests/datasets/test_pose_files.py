@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -140,15 +142,83 @@ def test_poses_come_back_and_holes_stay_holes(tmp_path: Path) -> None:
             )
 
 
-def test_ctrl_c_keeps_the_rows_so_far(tmp_path: Path) -> None:
+def test_rows_can_be_read_as_they_are_written(tmp_path: Path) -> None:
     path = tmp_path / "poses.csv"
     path.write_text("old")
     with pytest.raises(KeyboardInterrupt), PoseWriter(path) as writer:
-        writer.write(PoseRow(0, pose=some_pose()))
-        assert path.read_text() == "old", "the real file must not change before the end"
+        assert path.read_text() == "old", "nothing changes before there is a row"
+        for number in range(3):
+            writer.write(PoseRow(number, pose=some_pose()))
+            assert len(read_poses(path)) == number + 1
         raise KeyboardInterrupt
-    assert len(read_poses(path)) == 1
+    assert len(read_poses(path)) == 3
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_table_is_gone_on_with_behind_its_last_whole_row(tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    write_poses(path, [PoseRow(number, pose=some_pose()) for number in range(2)])
+    with path.open("a") as file:
+        file.write("2,cut of")  # as a machine that lost its power may leave it
+    with PoseWriter(path, resume=True) as writer:
+        writer.write(PoseRow(2, pose=some_pose()))
+    assert [row.frame for row in read_poses(path)] == [0, 1, 2]
+
+
+FULL = """
+import resource, sys
+from pathlib import Path
+from moveit6d.datasets.pose_files import PoseRow, PoseWriter
+from moveit6d.errors import InputError
+from moveit6d.geometry.pose import Pose
+path = Path(sys.argv[1])
+resource.setrlimit(resource.RLIMIT_FSIZE, (270, 270))  # a disk with so many bytes left
+try:
+    with PoseWriter(path) as writer:
+        for number in range(9):
+            writer.write(PoseRow(number, pose=Pose.identity()))
+except InputError as error:
+    print(error)
+"""
+
+
+def test_a_full_disk_keeps_the_whole_rows_before(tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, str(path)], capture_output=True, text=True, check=True
+    )
+    assert "cannot be written" in done.stdout and "the rows before are kept" in done.stdout
+    rows = read_poses(path)
+    assert 3 < len(rows) < 9 and path.read_text().endswith("\n")
+    assert [row.frame for row in rows] == list(range(len(rows)))
+
+
+def test_names_that_are_not_utf8_are_written(tmp_path: Path) -> None:
+    with PoseWriter(tmp_path / "poses.csv") as writer:
+        writer.write(PoseRow(0, image="frame\udce4.png", pose=some_pose()))
+    assert read_poses(tmp_path / "poses.csv")[0].image == "frame\\udce4.png"
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "words"),
+    [
+        ("steps", "nan", "steps must be a finite number"),
+        ("confidence", "inf", "confidence must be a finite number"),
+        ("tz", "500", "looks like millimetres"),
+        ("frame", "1e300", "frame must be a whole number"),
+    ],
+)
+def test_rows_with_nonsense_are_refused(
+    tmp_path: Path, column: str, value: str, words: str
+) -> None:
+    path = tmp_path / "poses.csv"
+    write_poses(path, [PoseRow(0, pose=some_pose(), iterations=3, confidence=0.5)])
+    head, row = path.read_text().splitlines()
+    cells = row.split(",")
+    cells[head.split(",").index(column)] = value
+    path.write_text(f"{head}\n{','.join(cells)}\n")
+    with pytest.raises(InputError, match=f"line 2.*{words}"):
+        read_poses(path)
 
 
 def test_an_error_before_the_first_row_leaves_the_old_file(tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ def test_what_is_missing_is_said(root: Path, tmp_path_factory: Any) -> None:
     with pytest.raises(InputError, match=r"its mesh is missing; looked for cat\.obj"):
         read_rbot(root)
     (root / "poses_first.txt").write_text("head\n1 2 3\n")
-    with pytest.raises(InputError, match=r"poses_first\.txt: 12 numbers a line expected"):
+    with pytest.raises(InputError, match=r"poses_first\.txt: 12 finite numbers a line expected"):
         read_rbot(root)
     (root / "poses_first.txt").write_text("head\n1 2 x\n")
     with pytest.raises(InputError, match="cannot be read below its header line"):

@@ -80,15 +80,13 @@ def test_official_quirks_of_meta_files(tmp_path: Path) -> None:
 
 
 def test_vertmap_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import scipy.io
-
     asked = []
 
-    def watch(path: Path, variable_names: Any = None) -> dict[str, Any]:
-        asked.append(variable_names)
+    def watch(path: Path, names: Any) -> dict[str, Any]:
+        asked.append(names)
         return {"cls_indexes": np.array([1]), "poses": np.zeros((3, 4))}
 
-    monkeypatch.setattr(scipy.io, "loadmat", watch)
+    monkeypatch.setattr(ycbv, "read_mat", watch)
     read_meta(tmp_path / "any.mat")
     assert asked == [("cls_indexes", "poses")]
 

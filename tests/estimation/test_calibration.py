@@ -31,7 +31,7 @@ CONFIG = TrackerConfig()
 
 @dataclass
 class TooNear:
-    """Knows the one pose, but takes every object for so many counts larger than it is."""
+    """Knows the one pose, but takes every object for so many units larger than it is."""
 
     pose: Pose
     bias: float
@@ -39,7 +39,7 @@ class TooNear:
     crop: Crop = "look_at"
 
     def predict(self, seen: Observation, state: LoopState) -> PolicyOutput:
-        """The exact counts with the bias."""
+        """The exact delta with the bias."""
         number = len(state.target)
         oracle = OraclePolicy(Pose.stack([self.pose] * number), self.mode)
         same = replace(state, target=torch.arange(number))
@@ -75,9 +75,9 @@ def test_an_error_that_is_too_large_for_a_bias_is_limited(brick: Mesh) -> None:
 
 
 def test_an_object_that_just_looks_into_the_image_is_no_error(brick: Mesh) -> None:
-    depth, reach = 0.7, 0.5 * brick.sphere_diameter
-    edge = depth * (CAMERA.width - CAMERA.cx) / CAMERA.fx + reach
-    place = torch.tensor([edge - 1e-4, 0.0, depth], dtype=torch.float64)
+    width, _, back = brick.vertices.max(0).tolist()  # its left back edge is the last to leave
+    edge = (0.7 + back) * (CAMERA.width - 0.5 - CAMERA.cx) / CAMERA.fx + width
+    place = torch.tensor([edge - 1e-4, 0.0, 0.7], dtype=torch.float64)
     pose = Pose(torch.eye(3).double(), place)
     frame, policy = prepare_frame(GRAY, CAMERA), TooNear(pose, 1.0)
     found = depth_bias(Start(frame, brick, pose), policy, make_renderer(), CONFIG)

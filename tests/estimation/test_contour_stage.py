@@ -28,7 +28,7 @@ def off(pose: Pose | None, mesh: Mesh) -> float:
 
 @pytest.fixture
 def near(brick: Mesh) -> Target:
-    """The brick's picture, with a pose that is two counts off in place and in size."""
+    """The brick's picture, with a pose that is two units off in place and in size."""
     size = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
     wrong = PoseAction.from_delta(torch.tensor([2.0, 0, 2.0, 0, 0, 0])).apply_centred(TRUTH, size)
     image = pictures.picture(brick, TRUTH).permute(1, 2, 0).numpy()

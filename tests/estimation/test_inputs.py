@@ -42,7 +42,7 @@ def test_one_pose_in_every_form(given: Any) -> None:
     (found,) = poses_of(given)
     assert isinstance(found.rotation, torch.Tensor)
     assert (found.matrix.double() - torch.from_numpy(MATRIX)).abs().max() < 1e-6
-    assert torch.equal(pose_of(given).matrix().reshape(4, 4), found.matrix)
+    assert torch.equal(pose_of(given).matrix.reshape(4, 4), found.matrix)
 
 
 def test_several_poses() -> None:

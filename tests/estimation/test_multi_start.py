@@ -44,7 +44,7 @@ def estimator(mesh: Mesh, policy: NearSighted, multi_start: bool = True) -> Pose
 
 
 def test_another_start_finds_what_the_given_one_does_not(brick: Mesh) -> None:
-    truth, far = brick.inner(at(0.012)), at(-0.035)  # 28 counts away: too far for this policy
+    truth, far = brick.inner(at(0.012)), at(-0.035)  # 28 units away: too far for this policy
     alone = estimator(brick, NearSighted(truth, 21.0), multi_start=False).refine(GRAY, far)
     assert alone.pose is not None and alone.confidence < HIGH_CONFIDENCE
     torch.testing.assert_close(alone.pose.matrix, far.matrix)
@@ -58,7 +58,7 @@ def test_a_confident_result_is_not_touched(brick: Mesh) -> None:
     with_multi_start, without = NearSighted(truth, 30.0), NearSighted(truth, 30.0)
     found = estimator(brick, with_multi_start).refine(GRAY, at(0.0))
     assert found.pose is not None
-    assert with_multi_start.asked == found.iterations + 7, "the last look in eight ways"
+    assert with_multi_start.asked == found.iterations + 7, "the last iteration is augmented"
     same = estimator(brick, without, multi_start=False).refine(GRAY, at(0.0))
     assert same.pose is not None
     torch.testing.assert_close(found.pose.matrix, same.pose.matrix, rtol=0, atol=0)

@@ -131,7 +131,7 @@ def test_all_axes_need_a_move_a_look_and_a_close_look(brick: Mesh) -> None:
 
 
 class Onlooker(OraclePolicy):
-    """Knows the truth, or walks on by `walk` counts to the right, and notes what it is shown."""
+    """Knows the truth, or walks on by `walk` units to the right, and notes what it is shown."""
 
     def __init__(self, truth: Pose, mode: ActionMode, walk: float = 0.0) -> None:
         super().__init__(truth, mode)
@@ -152,7 +152,7 @@ class Onlooker(OraclePolicy):
 def looks(
     brick: Mesh, policy: Onlooker, start: Start, max_iterations: int | None = None
 ) -> list[bool]:
-    """Which cycles were shown the middle of the object."""
+    """Which iterations were shown the middle of the object."""
     loop = LoopConfig(max_iterations=max_iterations)
     refine_starts([start], policy=policy, renderer=make_renderer(), loop=loop)
     fine = [diameter < 0.99 * brick.sphere_diameter for diameter in policy.diameters]
@@ -262,13 +262,13 @@ def test_nothing_to_do_gives_nothing(brick: Mesh) -> None:
     [
         ([0, 0, -1], "behind the camera"),
         ([2, 0, 1], "outside of the image"),
-        ([0, 0, 0.02], "inside the object"),
+        ([0, 0, 0.01], "inside the object"),
         ([0, 0, 1000], "unit of the mesh"),
         ([0, 0, float("nan")], "not finite"),
     ],
 )
 def test_starts_out_of_sight_fail_alone(brick: Mesh, place: list[float], message: str) -> None:
-    pose = Pose(torch.eye(3).double(), torch.tensor(place, dtype=torch.float64))
+    pose = brick.outer(Pose(torch.eye(3).double(), torch.tensor(place, dtype=torch.float64)))
     target = Target(IMAGE, CAMERA, brick, pose)
     seen, truth = some_targets(brick, 1, cluster="near")
     failed, fine = refine_batch(
@@ -280,7 +280,7 @@ def test_starts_out_of_sight_fail_alone(brick: Mesh, place: list[float], message
 
 
 class _Knowing(OraclePolicy):
-    """Believes a move the more the shorter it is."""
+    """Is the more confident the shorter the delta."""
 
     def predict(self, seen: Observation, state: LoopState) -> PolicyOutput:
         prediction = super().predict(seen, state)

@@ -115,7 +115,7 @@ def test_only_what_was_sure_and_hardly_moved_is_looked_at_closely_at_once(brick:
     track.add(here, 1.0)
     assert track.slow
     track.add(moving(brick, 1), 1.0)
-    assert not track.slow, "it moved by ten counts and more"
+    assert not track.slow, "it moved by ten units and more"
     track.add(moving(brick, 1), (HIGH_CONFIDENCE + LOW_CONFIDENCE) / 2)
     assert not track.slow
     track.add(moving(brick, 1), 1.0)

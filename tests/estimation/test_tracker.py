@@ -54,7 +54,7 @@ def test_several_objects_in_one_batch(brick: Mesh) -> None:
 
 
 def test_an_object_in_doubt_is_looked_for_around_where_it_was_sure(brick: Mesh) -> None:
-    jump = at(0.047)  # 28 counts: farther than this policy sees
+    jump = at(0.047)  # 28 units: farther than this policy sees
     policy = NearSighted(brick.inner(at(0.0)), 21.0, doubt=0.3)
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, config=NO_CONTOUR)
     assert tracker.update(GRAY).confidence == pytest.approx(0.95)
@@ -67,7 +67,7 @@ def test_an_object_in_doubt_is_looked_for_around_where_it_was_sure(brick: Mesh) 
 def test_what_is_found_elsewhere_but_in_doubt_is_left_there(brick: Mesh) -> None:
     @dataclasses.dataclass
     class Wary(NearSighted):
-        """Is always in doubt, even where the object is."""
+        """Has a low confidence, even where the object is."""
 
         def predict(self, seen: Observation, state: LoopState) -> PolicyOutput:
             prediction = super().predict(seen, state)
@@ -210,7 +210,7 @@ def test_a_reset_to_a_pose_out_of_sight_changes_nothing(brick: Mesh) -> None:
 
 
 def test_the_contour_is_refined_after_the_policy(brick: Mesh) -> None:
-    """The policy is wrong by two counts of shift and of size; the picture shows it."""
+    """The policy is wrong by two units of shift and of size; the picture shows it."""
     diameter = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
     truth = Pose(torch.eye(3).double(), torch.tensor([0.02, -0.01, 0.5], dtype=torch.float64))
     wrong = PoseAction.from_delta(torch.tensor([2.0, 0, 2.0, 0, 0, 0])).apply_centred(

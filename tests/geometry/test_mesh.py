@@ -8,8 +8,9 @@ from PIL import Image
 
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh, bounding_sphere, largest_distance, sphere_diameters
+from moveit6d.geometry.mesh_files.content import Part
+from moveit6d.geometry.mesh_files.join import join
 from moveit6d.geometry.pose import Pose
-from moveit6d.geometry.surface import Surface, join
 from tests.support import meshes
 
 TEXTURE = np.random.default_rng(0).integers(0, 255, (16, 8, 3), dtype=np.uint8)
@@ -85,7 +86,9 @@ def test_plain_material_colour_of_an_obj(tmp_path):
     (tmp_path / "m.obj").write_text(
         "mtllib m.mtl\nv 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nusemtl red\nf 1 2 3\n"
     )
-    np.testing.assert_array_equal(Mesh.load(tmp_path / "m.obj").vertex_colors, [[255, 0, 0]] * 3)
+    np.testing.assert_array_equal(
+        Mesh.load(tmp_path / "m.obj", allow_flat=True).vertex_colors, [[255, 0, 0]] * 3
+    )
 
 
 def test_gltf_colour_factor_is_linear_light(tmp_path):
@@ -93,7 +96,7 @@ def test_gltf_colour_factor_is_linear_light(tmp_path):
     vertices, faces, uv, _ = meshes.box_arrays()
     visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
     trimesh.Trimesh(vertices, faces, visual=visual, process=False).export(tmp_path / "m.glb")
-    colors = Mesh.load(tmp_path / "m.glb").vertex_colors
+    colors = Mesh.load(tmp_path / "m.glb", allow_flat=True).vertex_colors
     np.testing.assert_allclose(colors[0], [255, 127, 0], atol=1)
 
 
@@ -106,7 +109,9 @@ def test_gltf_colour_factor_dims_a_texture_but_the_grey_that_trimesh_writes_does
         )
         visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
         trimesh.Trimesh(vertices, faces, visual=visual, process=False).export(tmp_path / "m.glb")
-        np.testing.assert_allclose(Mesh.load(tmp_path / "m.glb").texture[0, 0], expected, atol=1)
+        np.testing.assert_allclose(
+            Mesh.load(tmp_path / "m.glb", allow_flat=True).texture[0, 0], expected, atol=1
+        )
 
 
 def test_sixteen_bit_and_transparent_textures(tmp_path):
@@ -121,7 +126,9 @@ def test_sixteen_bit_and_transparent_textures(tmp_path):
             "mtllib m.mtl\nv 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
             "usemtl a\nf 1/1 2/2 3/3\n"
         )
-        np.testing.assert_allclose(Mesh.load(tmp_path / "m.obj").texture, 200, atol=1)
+        np.testing.assert_allclose(
+            Mesh.load(tmp_path / "m.obj", allow_flat=True).texture, 200, atol=1
+        )
 
 
 def test_a_scene_is_joined_with_its_transforms(tmp_path):
@@ -159,8 +166,8 @@ def test_several_textures_are_packed_into_one(tmp_path):
 
 def test_parts_that_share_a_texture_keep_it_as_it_is():
     vertices, faces, uv, _ = meshes.box_arrays()
-    part = Surface(vertices, faces, 3 * uv.astype(np.float32), TEXTURE)
-    joined = join([part, Surface(vertices + 1, faces, uv.astype(np.float32), TEXTURE.copy())])
+    part = Part(vertices, faces, 3 * uv.astype(np.float32), TEXTURE)
+    joined = join([part, Part(vertices + 1, faces, uv.astype(np.float32), TEXTURE.copy())])
     np.testing.assert_array_equal(joined.texture, TEXTURE)
     np.testing.assert_array_equal(joined.uv, np.concatenate([3 * uv, uv]).astype(np.float32))
     np.testing.assert_array_equal(joined.faces, np.concatenate([faces, faces + 24]))
@@ -169,7 +176,7 @@ def test_parts_that_share_a_texture_keep_it_as_it_is():
 def test_large_textures_are_reduced_to_fit_one_atlas():
     vertices, faces, uv, _ = meshes.box_arrays()
     parts = [
-        Surface(vertices, faces, uv.astype(np.float32), np.full((2048, 2048, 3), grey, np.uint8))
+        Part(vertices, faces, uv.astype(np.float32), np.full((2048, 2048, 3), grey, np.uint8))
         for grey in range(40, 45)
     ]
     joined = join(parts)
@@ -190,14 +197,15 @@ def test_an_obj_with_a_texture_and_a_plain_material(tmp_path):
     assert colors == {(0, 200, 0), (255, 0, 0)}
 
 
-def test_repeating_textures_of_several_materials_become_vertex_colours(tmp_path):
+def test_repeating_textures_of_several_materials_are_laid_out_in_the_atlas(tmp_path):
     green = textured(np.full((8, 8, 3), (0, 200, 0), np.uint8))
     green.visual.uv = green.visual.uv * 3.0
     trimesh.Scene([green, textured(TEXTURE, shift=(0.2, 0, 0))]).export(tmp_path / "two.glb")
     mesh = Mesh.load(tmp_path / "two.glb")
-    assert mesh.texture is None
-    left = (mesh.vertices + mesh.center)[:, 0] < 0.1
-    np.testing.assert_array_equal(np.unique(mesh.vertex_colors[left], axis=0), [[0, 200, 0]])
+    left = (mesh.vertices + mesh.center)[mesh.faces][:, 0, 0] < 0.1
+    colors = sampled(mesh)
+    np.testing.assert_array_equal(np.unique(colors[left].reshape(-1, 3), axis=0), [[0, 200, 0]])
+    assert len(np.unique(colors[~left].reshape(-1, 3), axis=0)) > 3
 
 
 # Frames and sizes
@@ -246,6 +254,13 @@ def test_millimetres_are_converted():
     mesh = Mesh.from_arrays("box", vertices + 1000, faces, unit="mm")
     assert mesh.diameter == pytest.approx(np.linalg.norm((0.1, 0.06, 0.04)))
     np.testing.assert_allclose(mesh.center, [1, 1, 1], atol=1e-9)
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("cm", 0.01), ("in", 0.0254), ("mm", 0.001)])
+def test_units_that_are_no_metres(unit, metres):
+    vertices, faces, _, _ = meshes.box_arrays((10, 6, 4))
+    mesh = Mesh.from_arrays("box", vertices, faces, unit=unit)
+    assert mesh.diameter == pytest.approx(metres * np.linalg.norm((10, 6, 4)))
 
 
 def test_vertices_without_a_face_do_not_count():
@@ -362,7 +377,7 @@ def test_an_empty_file_is_refused(tmp_path, suffix):
 
 def test_units_that_cannot_be_are_refused_with_the_likely_one():
     vertices, faces, _, _ = meshes.box_arrays((100, 60, 40))
-    with pytest.raises(InputError, match=r"123 m across.*looks like unit 'mm'"):
+    with pytest.raises(InputError, match=r"123 m across.*looks like unit 'cm' or 'mm' or 'in'"):
         Mesh.from_arrays("drill.ply", vertices, faces, unit="m")
     with pytest.raises(InputError, match="looks like unit 'm'"):
         Mesh.from_arrays("drill.ply", vertices / 1000, faces, unit="mm")

@@ -63,9 +63,9 @@ def test_a_sphere_symmetry_leaves_the_point_set_unchanged():
 @pytest.mark.parametrize(
     ("info", "words"),
     [
-        ({"symmetries_discrete": [[1, 0, 0]]}, "3 numbers, not 16"),
+        ({"symmetries_discrete": [[1, 0, 0]]}, "must be 16 numbers, found 3"),
         ({"symmetries_discrete": [[-1, *HALF_TURN[1:5], 1, *HALF_TURN[6:]]]}, "not a rotation"),
-        ({"symmetries_continuous": [{"axis": [0, 0, 0]}]}, "needs an axis"),
+        ({"symmetries_continuous": [{"axis": [0, 0, 0]}]}, "axis has no direction"),
     ],
 )
 def test_bad_entries_are_refused(info, words):

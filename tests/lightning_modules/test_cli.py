@@ -10,7 +10,8 @@ import pytest
 import torch
 from PIL import Image
 
-from lightning_modules.cli import main
+from lightning_modules import cli
+from lightning_modules.cli import installed, main
 from moveit6d.networks.weights_file import load_network
 from tests.support.pairs import photos
 
@@ -91,3 +92,22 @@ def test_a_killed_fit_goes_on_where_it_was(tmp_path: Path) -> None:
     assert resumed.returncode == 0, resumed.stderr[-2000:]
     assert "Restored all states" in resumed.stderr + resumed.stdout
     assert load_network(tmp_path / "weights.safetensors").facts["steps"] == str(reached + 4)
+
+
+def test_configurations_that_came_with_the_package_are_found_from_anywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = "configs/fit/my_object.yaml"
+    monkeypatch.chdir(tmp_path)
+    assert Path(installed(name)).samefile(CONFIG.parents[2] / name)  # as installed to be edited
+    monkeypatch.setattr(cli, "_prefix", lambda: str(tmp_path / "prefix"))
+    place = tmp_path / "prefix/share/moveit6d" / name
+    place.parent.mkdir(parents=True)
+    place.write_text("a: 1")
+    assert installed(name) == str(place)
+    assert installed(f"--data.pairs={name}") == f"--data.pairs={place}"
+    for other in ("configs/fit/nothing.yaml", "--data.batch_size=4", "my/configs/fit.yaml"):
+        assert installed(other) == other
+    (tmp_path / name).parent.mkdir(parents=True)
+    (tmp_path / name).write_text("a: 2")
+    assert installed(name) == name  # one's own comes first

@@ -1,4 +1,4 @@
-"""The closed-form Jacobian and the solve against moves made by `PoseAction` itself."""
+"""The closed-form Jacobian and the solve against `PoseAction` itself."""
 
 import math
 
@@ -39,7 +39,7 @@ def test_points_project_back_to_their_pixels() -> None:
 
 
 def test_moves_are_those_of_pose_action() -> None:
-    """The same counts move points in diameters here and poses in metres there, exactly."""
+    """The same deltas move points in diameters here and poses in metres there, exactly."""
     delta = torch.randn(3, 6, dtype=torch.float64) * 10
     diameter = torch.tensor([0.1, 0.2, 0.3], dtype=torch.float64)
     place = torch.stack([torch.zeros(3).double(), torch.zeros(3).double(), DISTANCE * diameter], 1)

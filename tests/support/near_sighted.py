@@ -18,7 +18,7 @@ from tests.support.configs import HIGH_CONFIDENCE
 
 @dataclasses.dataclass
 class NearSighted:
-    """Stays in doubt where it is, unless the truth is within `reach` counts on every axis."""
+    """Has a low confidence and stays, unless the truth is within `reach` units on every axis."""
 
     truth: Pose  # centred, unbatched
     reach: float

@@ -10,7 +10,7 @@ import torch
 
 
 class PairRecorder(pl.Callback):
-    """Saves each batch's counts and the last weights to `rank<N>.pt`."""
+    """Saves each batch's deltas and the last weights to `rank<N>.pt`."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.delta = Path(folder), []

@@ -12,6 +12,7 @@ from typing import Any
 from ..synthesis.training.clusters import CLUSTERS
 from . import benchmark_detection, benchmark_tracking
 from .common import (
+    UNITS,
     add_machine_options,
     add_tracking_options,
     add_verb,
@@ -34,7 +35,7 @@ DESCRIPTION = """\
 ORACLE = """\
 Runs the loop from random starts of the paper's five clusters on three made objects, with a
 policy that knows the true pose, and prints how far from it the loops end: under half a step
-on every axis if crop, rendering, moves and stop rules are right. About one loop in a thousand
+on every axis if crop, rendering, updates and stop rules are right. About one loop in a thousand
 of single steps ends by oscillation instead, a few thousandths of a step farther away, because
 turns do not commute. No weights are used.
 """
@@ -91,7 +92,7 @@ def add_parser(verbs: Any) -> None:
         type=float,
         default=0.0,
         metavar="SHARE",
-        help="share of cases with a third of the object covered",
+        help="share of cases with a third of the object occluded",
     )
     three.add_argument("--number", type=positive, default=200, metavar="N", help="cases")
     three.add_argument("--seed", type=int, default=0, metavar="N", help="of the cases")
@@ -105,7 +106,7 @@ def add_parser(verbs: Any) -> None:
         kinds, "iteration", "time the parts of one iteration", ITERATION, ITERATION_EXAMPLES
     )
     two.add_argument("--mesh", type=Path, metavar="FILE", help="object instead of a made one")
-    two.add_argument("--mesh_unit", choices=("m", "mm"), default="m", help="the mesh's unit")
+    two.add_argument("--mesh_unit", choices=UNITS, default="m", help="the mesh's unit")
     two.add_argument("--repeats", type=positive, default=100, metavar="N", help="iterations")
     two.add_argument("--weights", type=Path, metavar="FILE", help="weights instead of the shipped")
     add_machine_options(two)
@@ -143,16 +144,18 @@ def refinement(args: argparse.Namespace) -> int:
 
     from ..errors import InputError
     from ..evaluation.metrics import ADD_LIMIT, auroc
-    from ..evaluation.synthetic_refinement import make_cases, run_cases
+    from ..evaluation.synthetic_refinement import run_cases
     from ..evaluation.tables import plain
     from ..geometry.mesh import Mesh
     from ..synthesis.augmentation.photos import load_photos
+    from ..synthesis.single_images import make_cases
 
     paths = sorted(p for p in args.objects.glob("*") if p.suffix in (".glb", ".ply", ".obj"))
     if not paths:
         raise InputError(f"{args.objects} holds no .glb, .ply or .obj file.")
     policy, renderer = set_up(args)
-    meshes, photos = [Mesh.load(path, "m") for path in paths], load_photos(args.photos)
+    meshes = [Mesh.load(path, "m", allow_flat=True) for path in paths]
+    photos = load_photos(args.photos)
     cases = list(
         make_cases(
             meshes,
@@ -174,7 +177,7 @@ def refinement(args: argparse.Namespace) -> int:
         shares = [f"{100 * float((errors < limit).mean()):.1f}" for limit in (0.02, 0.05, 0.10)]
         rows.append([name, *shares, f"{100 * float(np.median(errors)):.2f}"])
     print(
-        f"{len(found)} cases, {len(meshes)} objects, cluster {args.cluster}, covered "
+        f"{len(found)} cases, {len(meshes)} objects, cluster {args.cluster}, occluded "
         f"{args.occluded:g}, seed {args.seed}\n"
     )
     print(plain(["", "ADD<2%", "ADD<5%", "ADD<10%", "median % d"], rows))

@@ -6,9 +6,6 @@ Never shows the tracker a true pose but the start and what the protocol of reset
 from __future__ import annotations
 
 import argparse
-import hashlib
-import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,20 +17,18 @@ from .common import (
     add_jobs_options,
     add_tracking_options,
     add_verb,
+    make_tools,
     new_folder,
-    set_up,
     versions,
     weights_facts,
 )
-from .messages import note, progress
+from .messages import note
 
 if TYPE_CHECKING:
     from ..datasets.sequences import Sequence
+    from ..evaluation.runner import Tracked
     from ..evaluation.track_scores import Score
-    from ..parallel import JobResult
-    from ..policies import Policy
-    from ..rendering.renderer import Renderer
-    from .sequence_job import SequenceJob, Tracked
+    from .sequence_job import SequenceJob
 
 PROTOCOLS = ("none", "paper", "rbot", "laval")
 
@@ -110,9 +105,7 @@ def run(args: argparse.Namespace) -> int:
         require("report", "--report")
     sequences = chosen(args)
     trackers = rivals(args.rivals, sequences)
-    policy, renderer = set_up(args)
-    jobs = [make_job(sequence, args) for sequence in sequences]
-    bench = Bench(args, jobs, policy, renderer)
+    bench = Bench(args, [make_job(sequence, args) for sequence in sequences])
     interrupted = False
     try:
         bench.work()
@@ -125,7 +118,8 @@ def run(args: argparse.Namespace) -> int:
         lost = ", ".join(bench.errors)
         again = " --resume goes on with them." if args.output is not None else ""
         raise InputError(
-            f"{len(bench.errors)} of {len(jobs)} sequences could not be tracked: {lost}.{again}"
+            f"{len(bench.errors)} of {len(sequences)} sequences could not be tracked: "
+            f"{lost}.{again}"
         )
     return 0
 
@@ -145,7 +139,7 @@ def chosen(args: argparse.Namespace) -> list[Sequence]:
 
 def rivals(folder: Path | None, sequences: list[Sequence]) -> dict[str, dict[str, Score]]:
     """Every rival's scores by sequence, from the CSV files in its folder."""
-    from ..evaluation.benchmark import score_results
+    from ..evaluation.sequence_scores import score_results
 
     if folder is None:
         return {}
@@ -163,8 +157,9 @@ def make_job(sequence: Sequence, args: argparse.Namespace) -> SequenceJob:
     """The task for one sequence."""
     from ..datasets.catalog import surrogate
     from ..evaluation.protocols import PROTOCOLS as known
-    from .sequence_job import SequenceJob
+    from .sequence_job import SequenceJob, settings_of_track
 
+    setting = Setting.of(args)
     facts = {
         "data": " ".join(filter(None, [str(args.sequences), surrogate(args.sequences)])),
         "protocol": args.protocol,
@@ -173,8 +168,11 @@ def make_job(sequence: Sequence, args: argparse.Namespace) -> SequenceJob:
     }
     return SequenceJob(
         sequence=sequence,
-        setting=Setting.of(args),
+        config=setting.config,
+        threads=setting.threads,
         protocol=known[args.protocol],
+        settings=settings_of_track(sequence, setting, args.protocol),
+        setting=setting,
         count_resets=args.count_resets,
         movie=args.output / f"{sequence.name}.mp4" if args.overlays else None,
         log=args.rerun / f"{sequence.name}.rrd" if args.rerun is not None else None,
@@ -186,35 +184,34 @@ def make_job(sequence: Sequence, args: argparse.Namespace) -> SequenceJob:
 class Bench:
     """The sequences of one command: which are done, their scores, what went wrong."""
 
-    def __init__(
-        self, args: argparse.Namespace, jobs: list[SequenceJob], policy: Policy, renderer: Renderer
-    ) -> None:
-        self.args, self.jobs, self.policy, self.renderer = args, jobs, policy, renderer
+    def __init__(self, args: argparse.Namespace, jobs: list[SequenceJob]) -> None:
+        self.args, self.jobs = args, jobs
         self.levels = {job.sequence.name: job.sequence.level for job in jobs}
         self.scores: dict[str, Score] = {}
         self.errors: dict[str, str] = {}
-        if args.output is not None:
-            new_folder(args.output)
 
     def work(self) -> None:
         """Do what is not done yet; scores are there as soon as a sequence is finished."""
-        waiting = []
-        for job in self.jobs:
-            rows = self._kept(job) if self.args.resume else None
-            if rows is None:
-                waiting.append(job)
-                self._unmark(job)
-            else:
-                self._finish(job, rows)
-        for job_result in self._job_results(waiting):
-            job = waiting[job_result.index]
-            if job_result.result is not None:
-                self._finish(job, job_result.result)
+        from ..evaluation.runner import TrackStore, Workers
+        from .sequence_job import run_sequences
+
+        args, store = self.args, None
+        if args.output is not None:
+            store = TrackStore(new_folder(args.output))
+        for done in run_sequences(
+            self.jobs,
+            Setting.of(args),
+            store=store,
+            resume=args.resume,
+            workers=Workers(args.jobs, args.ray, args.threads),
+        ):
+            if done.tracked is not None:
+                self._finish(done.job, done.tracked, done.kept)
                 continue
             if len(self.jobs) == 1:
-                raise InputError(str(job_result.error))
-            self.errors[job.sequence.name] = str(job_result.error)
-            note(f"{job.sequence.name}: {job_result.error}")
+                raise InputError(str(done.error))
+            self.errors[done.job.sequence.name] = str(done.error)
+            note(f"{done.job.sequence.name}: {done.error}")
 
     def show(self, trackers: dict[str, dict[str, Score]]) -> None:
         """Print the tables, and write the page that leads to the others."""
@@ -232,27 +229,12 @@ class Bench:
         if self.args.report is not None:
             self._index("\n\n".join(tables), ours)
 
-    def _job_results(self, jobs: list[SequenceJob]) -> Iterator[JobResult[Tracked]]:
-        from ..parallel import run_jobs
-        from . import sequence_job
-
-        if self.args.ray is None and self.args.jobs == 1:
-            return run_jobs(self._here, jobs)
-        found = run_jobs(
-            sequence_job.work, jobs, jobs=self.args.jobs, ray=self.args.ray, cpus=self.args.threads
-        )
-        return progress(found, len(jobs), "track", "sequence")
-
-    def _here(self, job: SequenceJob) -> Tracked:
-        from .sequence_job import track_job
-
-        return track_job(job, self.policy, self.renderer, self._file(job, ".csv"), bar=True)
-
-    def _finish(self, job: SequenceJob, found: Tracked) -> None:
-        """Score a track and write what is kept of it, last the mark that it is whole."""
-        from ..datasets.pose_files import write_poses
-        from ..evaluation.benchmark import OWN_COLUMNS, score_track
-        from ..io import replacing, write_json
+    def _finish(self, job: SequenceJob, found: Tracked, kept: bool) -> None:
+        """Score a track and write its page, if one is wanted that is not there."""
+        from ..evaluation.sequence_scores import score_track
+        from ..io import replacing
+        from .reporting import Gathered
+        from .sequence_job import page_of
 
         name = job.sequence.name
         score = score_track(job.sequence, found.rows, job.count_resets)
@@ -260,58 +242,12 @@ class Bench:
             note(f"{name}: one true pose is too few to score.")
         else:
             self.scores[name] = score
-        if found.page is not None:
-            with replacing(self.args.report / f"{name}.html") as temporary:
-                temporary.write_text(found.page, encoding="utf-8")
-        table, mark = self._file(job, ".csv"), self._file(job, ".json")
-        if table is None or mark is None:
-            return
-        if self.args.ray is not None or self.args.jobs > 1:  # else it was written row by row
-            rows = [found.rows[frame] for frame in sorted(found.rows)]
-            write_poses(table, rows, OWN_COLUMNS)
-        missing = sum(row.pose is None for row in found.rows.values())
-        facts = {"frames": len(found.rows), "failed": missing, "settings": self._settings(job)}
-        write_json(mark, {**facts, "versions": versions()})
-
-    def _kept(self, job: SequenceJob) -> Tracked | None:
-        """The track that --output holds already, if it is whole and was made the same way."""
-        from ..evaluation.track_scores import read_track
-        from ..io import read_json
-        from .reporting import Gathered
-        from .sequence_job import Tracked, page_of
-
-        table, mark = self._file(job, ".csv"), self._file(job, ".json")
-        if table is None or mark is None or not (table.exists() and mark.exists()):
-            return None
-        if read_json(mark).get("settings") != self._settings(job):
-            return None
-        rows = read_track(table)
-        here = job.page and (self.args.report / f"{job.sequence.name}.html").exists()
-        page = page_of(job, Gathered(rows), self.renderer) if job.page and not here else None
-        return Tracked(rows, page)
-
-    def _unmark(self, job: SequenceJob) -> None:
-        """What is there will be replaced: an older mark must not vouch for half of a new track."""
-        mark = self._file(job, ".json")
-        if mark is not None:
-            mark.unlink(missing_ok=True)
-
-    def _settings(self, job: SequenceJob) -> dict[str, Any]:
-        """What makes two tracks of a sequence the same, as JSON holds it."""
-        return {
-            **weights_facts(self.args.weights),
-            "renderer": job.setting.renderer,
-            "config": json.loads(json.dumps(job.setting.config.as_dict())),
-            "compute": job.setting.compute,
-            "protocol": job.protocol.name,
-            "first": job.sequence.first,
-            "start": [round(n, 9) for n in job.sequence.start.matrix.flatten().tolist()],
-            "mesh": _sha256(job.sequence.mesh),
-        }
-
-    def _file(self, job: SequenceJob, suffix: str) -> Path | None:
-        output: Path | None = self.args.output
-        return None if output is None else output / f"{job.sequence.name}{suffix}"
+        text, path = found.page, None if not job.page else self.args.report / f"{name}.html"
+        if kept and path is not None and not path.exists():
+            text = page_of(job, Gathered(found.rows), make_tools(job.setting)[1])
+        if text is not None and path is not None:
+            with replacing(path) as temporary:
+                temporary.write_text(text, encoding="utf-8")
 
     def _index(self, text: str, ours: dict[str, Score]) -> None:
         """The page that leads to those of the sequences, the worst first."""
@@ -340,8 +276,3 @@ class Bench:
         verdict = f"{len(ours)} sequences of {facts['data']}, protocol {facts['protocol']}"
         with replacing(self.args.report / "index.html") as temporary:
             temporary.write_text(index_page(self.args.name, verdict, text, table), "utf-8")
-
-
-def _sha256(path: Path) -> str | None:
-    """Of a file, None without one."""
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None

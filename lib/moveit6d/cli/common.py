@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 DATASET_FORMATS = ("folders", "bop", "ycbv", "laval", "rbot")
 
+UNITS = ("m", "cm", "mm", "in")  # those of `geometry.mesh.METRES`, which takes seconds to import
+
 BAD_INPUT, NO_RENDERING, INTERRUPTED, BROKEN_PIPE = 2, 3, 130, 141
 
 EXIT_CODES = """
@@ -37,7 +39,7 @@ exit codes:
   1    a defect of this program; please report its output
   2    something given cannot be used; one sentence on stderr says what, where, what to do
   3    rendering is not possible on this machine; the message names what to install
-  130  stopped by Ctrl-C; what was done until then is kept
+  130  stopped by Ctrl-C, 128 + N by signal N; what was finished until then is kept
   141  who read the output stopped reading (as in `moveit6d … | head`)
 """
 
@@ -79,6 +81,15 @@ def add_tracking_options(parser: argparse.ArgumentParser, base: TrackerConfig = 
     )
     add_machine_options(group)
     add_settings(parser, base)
+
+
+def add_untextured_option(parser: argparse.ArgumentParser) -> None:
+    """Of whatever reads a mesh of the user's."""
+    parser.add_argument(
+        "--allow_untextured",
+        action="store_true",
+        help="go on where the mesh's picture or material is missing, or it is of one flat colour",
+    )
 
 
 def add_machine_options(group: Any) -> None:
@@ -212,15 +223,16 @@ def weights_facts(path: Path | None) -> dict[str, str | None]:
 def given(args: argparse.Namespace) -> dict[str, Any]:
     """The arguments of a command as JSON can hold them."""
     return {
-        key.removeprefix(PREFIX): _plain(value)
+        key.removeprefix(PREFIX): plain(value)
         for key, value in sorted(vars(args).items())
         if key != "run"
     }
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """An argument as JSON can hold it."""
     if isinstance(value, list):
-        return [_plain(one) for one in value]
+        return [plain(one) for one in value]
     return str(value) if isinstance(value, Path) else value
 
 

@@ -19,7 +19,7 @@ DESCRIPTION = """\
 Draws training pairs as `moveit6d fit` would with the same configuration, and writes one PNG. Each
 pair is four patches: what the camera sees; the rendering of the start; what the camera sees with
 the outlines of the true pose (green) and of the start (red); and the object's mask, white where it
-can be seen, dark red where something covers it.
+can be seen, dark red where it is occluded.
 """
 
 EPILOG = """\

@@ -83,6 +83,8 @@ def run(args: argparse.Namespace) -> int:
         **vars(args),
         "mesh": [folder / "mesh.glb"],
         "mesh_unit": ["m"],
+        "allow_untextured": False,
+        "resume": False,
         "video": str(folder / "frames"),
         "camera": folder / "camera.json",
         "start": [folder / "start.json"],

@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 from .camera_options import add_camera_options, camera_of
 from .common import (
+    UNITS,
     Setting,
     add_tracking_options,
+    add_untextured_option,
     add_verb,
     given,
     make_tools,
@@ -75,7 +77,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--output", type=Path, required=True, metavar="PATH", help="for results")
     images = parser.add_argument_group("images")
     images.add_argument("--mesh", type=Path, metavar="FILE", help="the object")
-    images.add_argument("--mesh_unit", choices=("m", "mm"), help="the mesh's unit")
+    images.add_argument("--mesh_unit", choices=UNITS, help="the mesh's unit")
     images.add_argument("--image", type=Path, nargs="+", metavar="FILE", help="the pictures")
     add_camera_options(images, required=False)
     images.add_argument(
@@ -95,6 +97,7 @@ def add_parser(verbs: Any) -> None:
     )
     _add_seed_options(parser)
     add_tracking_options(parser)
+    add_untextured_option(parser)
     parser.set_defaults(run=run)
 
 
@@ -182,19 +185,21 @@ def _detect_images(args: argparse.Namespace) -> int:
     from ..datasets.pose_files import PoseWriter
     from ..datasets.video import ImageList
     from ..geometry.mesh import Mesh
-    from ..io import write_json
+    from ..io import check_writable, write_json
 
-    mesh, images = Mesh.load(args.mesh, args.mesh_unit), ImageList(tuple(args.image))
+    mesh = Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
+    images = ImageList(tuple(args.image))
     camera, frames = camera_of(args, images), list(images)
-    for path, frame in zip(args.image, frames, strict=True):
+    for frame in frames:
         if frame.image is None:
-            raise InputError(f"{path}: {frame.error}")
+            raise InputError(str(frame.error))
+    output = new_folder(args.output)
+    check_writable(output / "poses.csv")
     detector, known = _detector(args, mesh, camera), _known(args)
     answers = [
         _detected(detector, frame, args.instances, known)
         for frame in progress(frames, len(frames), "detect", "image")
     ]
-    output = new_folder(args.output)
     with PoseWriter(output / "poses.csv") as table:
         for frame, answer in zip(frames, answers, strict=True):
             for row in _rows(frame, answer):

@@ -9,32 +9,45 @@ import argparse
 import os
 import platform
 import time
+from pathlib import Path
 from typing import Any
 
 from ..errors import InputError, RenderingUnavailable
-from .common import NO_RENDERING, add_verb, versions
+from . import doctor_mesh
+from .common import NO_RENDERING, UNITS, add_verb, versions
 
 DESCRIPTION = """\
 Prints versions, the renderers that run here (each one renders a test object), the network's
 weights, and the video formats that can be written. A missing OpenGL library is no fault: the
 default renderer, embree, does not need one.
+
+With --mesh it says instead what was understood of a mesh file: size in metres, faces, materials,
+texture, symmetries, and whatever of its looks cannot be shown (exit code 2); and it writes a
+picture of the object from six sides.
 """
 
 EPILOG = """\
 examples:
   moveit6d doctor
+  moveit6d doctor --mesh drill.obj --mesh_unit mm --output drill.png
 """
 
 
 def add_parser(verbs: Any) -> None:
     """Add the verb."""
-    add_verb(verbs, "doctor", "say what works on this machine", DESCRIPTION, EPILOG).set_defaults(
-        run=run
+    parser = add_verb(verbs, "doctor", "say what works on this machine", DESCRIPTION, EPILOG)
+    parser.add_argument("--mesh", type=Path, metavar="FILE", help="a mesh to look at instead")
+    parser.add_argument("--mesh_unit", choices=UNITS, help="its unit, if the file does not say it")
+    parser.add_argument(
+        "--output", type=Path, metavar="FILE", help="its picture (default: NAME_sides.png)"
     )
+    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the findings; 3 if the default renderer does not run, 2 if the weights do not load."""
+    if args.mesh is not None:
+        return doctor_mesh.run(args.mesh, args.mesh_unit, args.output)
     import torch
 
     from ..networks.inference import is_bfloat16_fast

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .common import DATASET_FORMATS, add_verb, use_threads
+from .common import DATASET_FORMATS, UNITS, add_verb, use_threads
 from .messages import note, progress_bar
 
 if TYPE_CHECKING:
@@ -47,7 +47,8 @@ whose pose a protocol gave (stopped_by "reset") are left out, or counted with --
 BOP = """\
 --errors add: ADD(-S) is the mean distance of up to 3000 vertices between estimate and truth,
 for objects with a symmetry in models_info.json the mean distance to the nearest vertex. The
-targets are those that the first file lists; a target that another file lacks is wrong there.
+targets are the true poses of what the first file lists; one that a file lacks is wrong there,
+and of an object that occurs several times in an image every instance is a target of its own.
 Give the poses before and after a refinement, in this order. Score AUROC says how well the score
 column tells poses below 10 % d from others: 1 perfectly, 0.5 not at all.
 
@@ -127,6 +128,7 @@ def _add_bop(kinds: Any) -> None:
         default="add",
         help="ADD(-S), or the BOP challenge's average recall",
     )
+    two.add_argument("--mesh_unit", choices=UNITS, default="mm", help="unit of the models")
     two.add_argument("--targets", metavar="FILE", help="bop19: targets file in the data set")
     two.add_argument(
         "--renderer",
@@ -156,7 +158,7 @@ def _add_ycbv(kinds: Any) -> None:
 def tracking(args: argparse.Namespace) -> int:
     """Print a table for each of the results."""
     from ..datasets import open_dataset
-    from ..evaluation.benchmark import score_results
+    from ..evaluation.sequence_scores import score_results
     from ..evaluation.track_scores import tracking_table
 
     sequences = open_dataset(args.sequences, args.format)
@@ -178,7 +180,7 @@ def bop(args: argparse.Namespace) -> int:
     from ..evaluation.bop.add_recall import results_table, score_results, targets_of
 
     use_threads(1)  # many small steps: more threads only wait for each other
-    dataset = BopDataset(args.dataset, args.split)
+    dataset = BopDataset(args.dataset, args.split, mesh_unit=args.mesh_unit)
     files = [(str(path), read_results(path)) for path in args.results]
     if args.errors == "bop19":
         print(_average_recalls(dataset, files, args))

@@ -35,8 +35,11 @@ from .common import (
     NO_RENDERING,
     ManualFormatter,
 )
-from .messages import is_verbose, set_level
+from .messages import is_verbose, set_level, warnings_as_notes
 from .parser import Parser
+from .signals import Terminated, ending_like_ctrl_c
+
+LONGEST = 600  # characters of an error
 
 DESCRIPTION = """\
 Follow an object's 6D pose (rotation and translation) through a video, given the object's
@@ -96,8 +99,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def guarded(action: Callable[[], int]) -> int:
     """The action's exit code, or that of the error it ended with; errors go to stderr."""
     try:
-        code = action()
-        sys.stdout.flush()
+        with ending_like_ctrl_c(), warnings_as_notes():
+            code = action()
+            sys.stdout.flush()
         return code
     except BrokenPipeError:
         # Python flushes stdout once more at its end: nobody reads that either.
@@ -106,14 +110,23 @@ def guarded(action: Callable[[], int]) -> int:
     except InputError as error:
         if is_verbose():
             traceback.print_exc()
-        print(f"moveit6d: {error}", file=sys.stderr)
+        print(f"moveit6d: {_sentence(error)}", file=sys.stderr)
         return BAD_INPUT
     except RenderingUnavailable as error:
         print(f"moveit6d: {error}", file=sys.stderr)
         return NO_RENDERING
+    except Terminated as ending:
+        print(f"moveit6d: stopped by {ending}; what was finished is kept.", file=sys.stderr)
+        return ending.code
     except KeyboardInterrupt:
-        print("moveit6d: stopped; what was done is kept.", file=sys.stderr)
+        print("moveit6d: stopped; what was finished is kept.", file=sys.stderr)
         return INTERRUPTED
+
+
+def _sentence(error: InputError) -> str:
+    """An error on one line of bounded length, whatever was found in a file."""
+    text = " ".join(str(error).split())
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]} …"
 
 
 if __name__ == "__main__":

@@ -6,9 +6,11 @@ Never prints results; those go to stdout.
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, TextIO, TypeVar
 
@@ -60,6 +62,22 @@ def detail(text: str) -> None:
     """A line on stderr for who asked for details."""
     if _level == VERBOSE:
         note(text)
+
+
+@contextmanager
+def warnings_as_notes() -> Iterator[None]:
+    """What the library warns of, as notes."""
+    handler, log = _Notes(), logging.getLogger("moveit6d")
+    log.addHandler(handler)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+
+
+class _Notes(logging.Handler):
+    def emit(self, record: logging.LogRecord) -> None:
+        note(record.getMessage())
 
 
 def progress(

@@ -32,7 +32,11 @@ def load_meshes(args: argparse.Namespace) -> list[Mesh]:
             "one for each mesh."
         )
     units = units * len(args.mesh) if len(units) == 1 else units
-    return [Mesh.load(path, unit) for path, unit in zip(args.mesh, units, strict=True)]
+    plain = args.allow_untextured or args.texture_from_start
+    return [
+        Mesh.load(path, unit, allow_untextured=plain)
+        for path, unit in zip(args.mesh, units, strict=True)
+    ]
 
 
 def read_starts(args: argparse.Namespace, count: int) -> list[Pose | None]:

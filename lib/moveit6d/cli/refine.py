@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from .common import (
+    UNITS,
     Setting,
     add_jobs_options,
     add_tracking_options,
@@ -22,12 +23,15 @@ from .common import (
     positive,
     set_up,
     tools,
+    weights_facts,
 )
+from .journal import Journal
 from .messages import note, progress
 
 if TYPE_CHECKING:
     from ..datasets.bop import BopDataset, Estimate
     from ..estimation import TrackingResult
+    from ..geometry.mesh import Unit
     from ..policies import Policy
     from ..rendering.renderer import Renderer
 
@@ -42,7 +46,8 @@ files read:
   --initial  scene_id,im_id,obj_id,score,R,t,time with R row-major, t in millimetres
 
 file written:
-  --output   the same format; score is how likely the pose is within a tenth of the diameter
+  --output   (beside it OUTPUT.unfinished until all is done, which --resume goes on with)
+             the same format; score is how likely the pose is within a tenth of the diameter
              (the confidence, times what the object's size in the image allows to know), time
              the seconds spent on the whole image (reading it left out). A pose that cannot be
              refined (out of sight, damaged image) is written as it was given, with score 0
@@ -70,8 +75,12 @@ def add_parser(verbs: Any) -> None:
         "--initial", type=Path, required=True, metavar="FILE", help="poses to begin with"
     )
     needed.add_argument("--output", type=Path, required=True, metavar="FILE", help="refined poses")
+    parser.add_argument("--mesh_unit", choices=UNITS, default="mm", help="unit of the models")
     parser.add_argument(
         "--batch", type=positive, default=32, metavar="N", help="poses of an image at once at most"
+    )
+    parser.add_argument(
+        "--resume", action="store_true", help="go on with a run that was interrupted"
     )
     add_jobs_options(parser)
     add_tracking_options(parser)
@@ -81,9 +90,11 @@ def add_parser(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Refine image by image and write what was done, after Ctrl-C too."""
     from ..datasets.bop import BopDataset, by_image, read_results, write_results
+    from ..io import check_writable
     from ..parallel import run_jobs
 
-    dataset = BopDataset(args.dataset, args.split)
+    check_writable(args.output)
+    dataset = BopDataset(args.dataset, args.split, mesh_unit=args.mesh_unit)
     initial = read_results(args.initial)
     check(dataset, initial, args.initial)
     policy, renderer = set_up(args)
@@ -95,6 +106,7 @@ def run(args: argparse.Namespace) -> int:
             tuple(initial[row] for row in rows),
             Setting.of(args),
             args.batch,
+            args.mesh_unit,
         )
         for _, rows in images
     ]
@@ -103,24 +115,72 @@ def run(args: argparse.Namespace) -> int:
         return refine_image(dataset, job, policy, renderer)
 
     alone = args.jobs == 1 and args.ray is None
-    outcomes = run_jobs(
-        here if alone else work, jobs, jobs=args.jobs, ray=args.ray, cpus=args.threads
-    )
     done: dict[int, Estimate] = {}
-    try:
-        for job_result in progress(outcomes, len(images), "refine", "image"):
-            (scene, image), rows = images[job_result.index]
-            refined = job_result.result
-            if refined is None:
-                note(f"image {image} of scene {scene}: {job_result.error}")
-                refined = [replace(initial[row], score=0.0, seconds=0.0) for row in rows]
-            done.update(zip(rows, refined, strict=True))
-    finally:
-        if done:
-            write_results(args.output, [done[row] for row in sorted(done)])
+    with Journal(args.output, _facts(args), args.resume) as journal:
+        for line in journal.entries:
+            done[line["row"]] = _estimate(initial[line["row"]], line)
+        left = [k for k, (_, rows) in enumerate(images) if any(row not in done for row in rows)]
+        outcomes = run_jobs(
+            here if alone else work,
+            [jobs[k] for k in left],
+            jobs=args.jobs,
+            ray=args.ray,
+            cpus=args.threads,
+        )
+        try:
+            for job_result in progress(outcomes, len(left), "refine", "image"):
+                (scene, image), rows = images[left[job_result.index]]
+                refined = job_result.result
+                if refined is None:
+                    note(f"image {image} of scene {scene}: {job_result.error}")
+                    refined = [replace(initial[row], score=0.0, seconds=0.0) for row in rows]
+                for row, estimate in zip(rows, refined, strict=True):
+                    done[row] = estimate
+                    journal.add({"row": row, **_line(estimate)})
+        finally:
+            if done:
+                write_results(args.output, [done[row] for row in sorted(done)])
+        journal.finish()
     kept = sum(_same(done[row], initial[row]) for row in done)
     print(f"{len(done)} poses in {len(images)} images, {kept} kept as given: {args.output}")
     return 0
+
+
+def _facts(args: argparse.Namespace) -> dict[str, Any]:
+    """What the poses depend on: a run with other facts cannot be gone on with."""
+    import hashlib
+
+    initial = hashlib.sha256(args.initial.read_bytes()).hexdigest()
+    setting = {key: str(value) for key, value in vars(Setting.of(args)).items() if key != "threads"}
+    return {
+        "dataset": str(args.dataset.resolve()),
+        "split": args.split,
+        "mesh_unit": args.mesh_unit,
+        "initial": initial,
+        "setting": setting,
+        "weights": weights_facts(args.weights)["weights_sha256"],
+    }
+
+
+def _line(estimate: Estimate) -> dict[str, Any]:
+    """What a journal keeps of a refined pose, exactly."""
+    return {
+        "rotation": estimate.pose.rotation.tolist(),
+        "translation": estimate.pose.translation.tolist(),
+        "score": estimate.score,
+        "seconds": estimate.seconds,
+    }
+
+
+def _estimate(given: Estimate, line: dict[str, Any]) -> Estimate:
+    import torch
+
+    from ..geometry.pose import Pose
+
+    rotation, shift = (
+        torch.tensor(line[key], dtype=torch.float64) for key in ("rotation", "translation")
+    )
+    return replace(given, pose=Pose(rotation, shift), score=line["score"], seconds=line["seconds"])
 
 
 def check(dataset: BopDataset, estimates: Sequence[Estimate], file: Path) -> None:
@@ -145,18 +205,19 @@ class ImageJob:
     estimates: tuple[Estimate, ...]
     setting: Setting
     batch: int
+    mesh_unit: Unit = "mm"
 
 
 def work(job: ImageJob) -> list[Estimate]:
     """Do the job in a worker process, which keeps its network and meshes for the next one."""
-    return refine_image(_dataset(job.root, job.split), job, *tools(job.setting))
+    return refine_image(_dataset(job.root, job.split, job.mesh_unit), job, *tools(job.setting))
 
 
 @lru_cache(maxsize=1)
-def _dataset(root: Path, split: str) -> BopDataset:
+def _dataset(root: Path, split: str, mesh_unit: Unit) -> BopDataset:
     from ..datasets.bop import BopDataset
 
-    return BopDataset(root, split)
+    return BopDataset(root, split, mesh_unit=mesh_unit)
 
 
 def refine_image(

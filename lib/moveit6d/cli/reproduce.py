@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,9 +18,9 @@ from ..extras import require
 from .common import (
     DATASET_FORMATS,
     Setting,
+    add_jobs_options,
     add_tracking_options,
     add_verb,
-    complaining,
     make_tools,
     new_folder,
     positive,
@@ -34,8 +34,10 @@ if TYPE_CHECKING:
     from ..datasets.sequences import Sequence
     from ..evaluation.reproduce.reproduction import Reproduction
     from ..evaluation.reproduce.tracks import ScoredTrack
-    from ..evaluation.run_tracker import TrackedFrame
     from ..policies import Policy
+
+
+FROM_TRACKS = ("ycb_add", "ycb_auc", "laval")  # may work in several processes
 
 
 def _bases() -> dict[str, TrackerConfig]:
@@ -76,6 +78,8 @@ def add_parser(verbs: Any) -> None:
             help="of a sequence: the first N of a track, else N spread evenly",
         )
         _add_own(one, name)
+        if name in FROM_TRACKS:
+            add_jobs_options(one)
         add_tracking_options(one, _bases().get(name, PAPER_CONFIG))
         one.set_defaults(run=run, name=name)
 
@@ -165,39 +169,44 @@ def _facts(args: argparse.Namespace, setting: Setting) -> dict[str, Any]:
     }
 
 
-def _watched(video: Sequence, steps: Iterator[TrackedFrame]) -> Iterator[TrackedFrame]:
-    watched: Iterator[TrackedFrame] = progress(steps, len(video.truth), video.name)
-    return complaining(watched, f"{video.name}, ")
-
-
 def _tracks(
     args: argparse.Namespace, videos: list[Sequence], weights: Path | None, place: str = "tracks"
-) -> tuple[Iterator[ScoredTrack], dict[str, Any]]:
+) -> tuple[list[ScoredTrack], dict[str, Any]]:
     """Tracks under the paper's protocol, kept in the output folder, and the settings."""
-    from ..estimation import PoseTracker, TrackingResult
     from ..evaluation.protocols import PAPER
-    from ..evaluation.reproduce.tracks import TrackSettings, run_tracks
+    from ..evaluation.reproduce.tracks import scored
+    from ..evaluation.runner import TrackStore, Workers
+    from .sequence_job import SequenceJob, run_sequences, settings_of_track
 
     setting = _setting(args, weights)
-    policy, renderer = make_tools(setting)
-    facts = {**_facts(args, setting), "protocol": PAPER.name}
-
-    def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker[TrackingResult]:
-        return PoseTracker(
-            mesh,
-            camera,
-            start,
-            policy=policy,
-            renderer=renderer,
+    jobs = [
+        SequenceJob(
+            sequence=video,
             config=setting.config,
             threads=setting.threads,
+            protocol=PAPER,
+            frames=args.frames,
+            settings=settings_of_track(video, setting, PAPER.name, frames=args.frames),
+            setting=setting,
         )
-
-    kept = {k: v for k, v in facts.items() if k not in ("only", "versions")}
-    kept["data"] = args.data.resolve().name
-    folder = new_folder(args.output) / place
-    runs = TrackSettings(make_tracker, lambda _: PAPER, kept, folder, args.frames)
-    return run_tracks(videos, runs, _watched), facts
+        for video in videos
+    ]
+    rows = {}
+    for done in run_sequences(
+        jobs,
+        setting,
+        store=TrackStore(new_folder(new_folder(args.output) / place)),
+        resume=True,
+        workers=Workers(args.jobs, args.ray, args.threads)
+        if args.name in FROM_TRACKS
+        else Workers(),
+    ):
+        if done.tracked is None:
+            raise InputError(f"{done.job.sequence.name}: {done.error}")
+        rows[done.job.sequence.name] = done.tracked.rows
+    found = (scored(video, rows[video.name]) for video in videos)
+    facts = {**_facts(args, setting), "protocol": PAPER.name}
+    return [one for one in found if one is not None], facts
 
 
 def _ycb(args: argparse.Namespace) -> Reproduction:
@@ -264,8 +273,7 @@ def _runtime(args: argparse.Namespace) -> Reproduction:
     if args.data is not None:
         videos, data = _opened(args)
         mesh = videos[0].load_mesh()
-        found, _ = _tracks(args, videos, args.weights)
-        tracks = list(found)
+        tracks, _ = _tracks(args, videos, args.weights)
     assert mesh is not None
     setting = _setting(args, args.weights)
     policy, renderer = make_tools(setting)

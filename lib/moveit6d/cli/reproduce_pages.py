@@ -85,7 +85,7 @@ tracks the sequences under the paper's protocol for iterations and milliseconds 
     "attention": (
         "where networks of different training look",
         """\
-Patches a few counts away from the truth; one column for each of --checkpoints (weights
+Crops a few action units away from the truth; one column for each of --checkpoints (weights
 files, named by their steps) and one for the model itself.
 """,
         "--data laval --output out/look --checkpoints early.safetensors",

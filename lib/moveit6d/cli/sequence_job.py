@@ -5,48 +5,48 @@ Never knows of other sequences and never scores for a table.
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .common import Setting, complaining, tools
+from ..evaluation.runner import (
+    Finished,
+    Tracked,
+    TrackJob,
+    TrackStore,
+    Workers,
+    gather,
+    run_all,
+    track,
+)
+from .common import Setting, complaining, make_tools, tools, versions, weights_facts
 from .messages import progress
 from .reporting import Gathered, rerun_log, sequence_page
 
 if TYPE_CHECKING:
-    from ..datasets.pose_files import PoseRow
     from ..datasets.sequences import Sequence
-    from ..evaluation.protocols import Protocol
     from ..evaluation.run_tracker import TrackedFrame
     from ..policies import Policy
     from ..rendering.renderer import Renderer
 
 
-@dataclass(frozen=True)
-class SequenceJob:
-    """One sequence and all that decides about its track; can be sent to another process.
+@dataclass(frozen=True, kw_only=True)
+class SequenceJob(TrackJob):
+    """A track with what a command makes of it; can be sent to another process.
 
     `movie` and `log` are files that the worker writes; `facts` are shown on its page.
     """
 
-    sequence: Sequence
     setting: Setting
-    protocol: Protocol
     count_resets: bool = False
     movie: Path | None = None
     log: Path | None = None
     page: bool = False
     facts: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Tracked:
-    """What came out: rows by frame, and the text of the page if there was to be one."""
-
-    rows: dict[int, PoseRow]
-    page: str | None = None
 
 
 def work(job: SequenceJob) -> Tracked:
@@ -66,41 +66,69 @@ def track_job(
     With a path the rows are also written there as they come, so that Ctrl-C leaves them; `bar`
     shows how far it is.
     """
-    from ..estimation import PoseTracker, TrackingResult
-    from ..evaluation.benchmark import gather, run_sequence
-
-    def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker[TrackingResult]:
-        return PoseTracker(
-            mesh,
-            camera,
-            start,
-            policy=policy,
-            renderer=renderer,
-            config=job.setting.config,
-            threads=job.setting.threads,
-        )
-
     gathered = Gathered()
-    steps = run_sequence(
-        job.sequence, make_tracker, job.protocol, job.setting.config.calibration.enabled
-    )
-    watched = _with_bar(job.sequence, steps) if bar else steps
+    frames = track(job, policy, renderer)
+    watched = _with_bar(job, frames) if bar else frames
     gathered.rows = gather(job.sequence, _drawn(job, watched, renderer, gathered), path)
     return Tracked(gathered.rows, page_of(job, gathered, renderer) if job.page else None)
 
 
+def run_sequences(
+    jobs: list[SequenceJob],
+    setting: Setting,
+    *,
+    store: TrackStore | None,
+    resume: bool,
+    workers: Workers,
+) -> Iterator[Finished[SequenceJob]]:
+    """Every job as it is done, here with a bar for each sequence, elsewhere with one for all."""
+    policy, renderer = make_tools(setting)
+
+    def here(job: SequenceJob, path: Path | None) -> Tracked:
+        return track_job(job, policy, renderer, path, bar=True)
+
+    return run_all(
+        jobs,
+        here,
+        work,
+        store=store,
+        resume=resume,
+        workers=workers,
+        facts={"versions": versions()},
+        watch=lambda results, number: progress(results, number, "track", "sequence"),
+    )
+
+
+def settings_of_track(
+    sequence: Sequence, setting: Setting, protocol: str, **more: Any
+) -> dict[str, Any]:
+    """What makes two tracks of a sequence the same, as JSON holds it."""
+    return {
+        **weights_facts(setting.weights),
+        "renderer": setting.renderer,
+        "config": json.loads(json.dumps(setting.config.as_dict())),
+        "compute": setting.compute,
+        "protocol": protocol,
+        "first": sequence.first,
+        "start": [round(n, 9) for n in sequence.start.matrix.flatten().tolist()],
+        "mesh": _sha256(sequence.mesh),
+        **more,
+    }
+
+
 def page_of(job: SequenceJob, gathered: Gathered, renderer: Renderer) -> str:
     """The page of a finished track."""
-    from ..evaluation.benchmark import score_track, scored_truth
+    from ..evaluation.sequence_scores import score_track, scored_truth
 
     score = score_track(job.sequence, gathered.rows, job.count_resets)
     truth = scored_truth(job.sequence, gathered.rows, job.count_resets)
     return sequence_page(job.sequence, gathered, truth, score, job.facts, renderer)
 
 
-def _with_bar(sequence: Sequence, steps: Iterator[TrackedFrame]) -> Iterator[TrackedFrame]:
-    length = sequence.open().length
-    return progress(steps, None if length is None else length - 1, sequence.name)
+def _with_bar(job: SequenceJob, steps: Iterator[TrackedFrame]) -> Iterator[TrackedFrame]:
+    length = job.sequence.open().length
+    count = job.frames if length is None else min(length - 1, job.frames or length)
+    return progress(steps, count, job.sequence.name)
 
 
 def _drawn(
@@ -121,3 +149,8 @@ def _drawn(
             if log is not None:
                 log.write(step.frame, step.row, step.error)
             yield step
+
+
+def _sha256(path: Path) -> str | None:
+    """Of a file, None without one."""
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .common import add_verb, positive
+from .common import UNITS, add_untextured_option, add_verb, positive
 from .messages import progress_bar
 
 if TYPE_CHECKING:
@@ -24,11 +24,11 @@ changing light, things passing in front and noise, and writes the true pose of e
 The result is what `moveit6d benchmark tracking`, `track` and `reproduce` read. `moveit6d
 synthesize sequence` is the same.
 
-levels: easy (slow, never covered), occ (slow, covered at times), medium, fast (up to 24 pixels
-and 10 degrees a frame, blurred), hard (fast, covered, changing light, cluttered background)
+difficulties: easy (slow, never occluded), occ (slow, occluded at times), medium, fast (up to
+24 pixels and 10 degrees a frame, blurred), hard (fast, occluded, changing light, clutter)
 
 formats (docs/reference/formats.md):
-  folders  one sequence folder; with --count 2 or more: <level>_<nn>. Files: frames/000000.jpg
+  folders  one sequence folder; with --count 2 or more: <difficulty>_<nn>. Files: frames/000000.jpg
            ..., camera.json, mesh.glb, start.json, poses.csv (the truth), info.json
   laval    a surrogate for the Laval data set: for every object OBJECT_occlusion_0 and, for each
            other --occlusion, one sequence with a board in front from below (h) and one from a
@@ -63,7 +63,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--mesh", type=Path, nargs="+", metavar="FILE", help="objects instead of made ones"
     )
-    parser.add_argument("--mesh_unit", choices=("m", "mm"), default="m", help="the meshes' unit")
+    parser.add_argument("--mesh_unit", choices=UNITS, default="m", help="the meshes' unit")
     parser.add_argument(
         "--difficulty", choices=DIFFICULTIES, default="medium", help="how hard it is"
     )
@@ -82,6 +82,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--photos", type=Path, metavar="DIR", help="pictures for backgrounds instead of made ones"
     )
+    add_untextured_option(parser)
     parser.set_defaults(run=run)
 
 
@@ -163,5 +164,5 @@ def _mesh(args: argparse.Namespace, number: int) -> Mesh:
     from ..synthesis.objects.shapes import random_object
 
     if args.mesh:
-        return Mesh.load(args.mesh[number], args.mesh_unit)
+        return Mesh.load(args.mesh[number], args.mesh_unit, allow_untextured=args.allow_untextured)
     return random_object(np.random.default_rng(number))

@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 from .camera_options import CAMERA_FILES, add_camera_options, camera_of
 from .common import (
+    UNITS,
     Setting,
     add_tracking_options,
+    add_untextured_option,
     add_verb,
     complaining,
     given,
@@ -24,9 +26,11 @@ from .common import (
     versions,
     weights_facts,
 )
+from .earlier import clear_earlier
 from .messages import progress
 from .objects import load_meshes, object_names, painted, peek, read_starts, wants_paint
 from .reporting import check_report, reporting, rerun_log
+from .resuming import earlier_rows, going_on
 
 if TYPE_CHECKING:
     from ..evaluation.run_tracker import TrackSummary
@@ -43,7 +47,7 @@ Several objects: --mesh, --mesh_unit and --start once for each of them (one --me
 all); the same mesh twice are two instances.
 
 files read:
-  --mesh    OBJ, PLY, GLB or STL, with texture, vertex colours or plain
+  --mesh    OBJ, PLY, GLB, Collada (.dae), STL or OFF, with texture, vertex colours or plain
   --video   a folder of images (taken in the order of their names), a video file, the
             address of a stream (rtsp://…, http://…) or the index of a camera (then stop with
             Ctrl-C; frames that come while another is worked on are left out)
@@ -54,7 +58,8 @@ files read:
             z forward, metres, in the frame of the mesh file
 
 files written to --output:
-  poses.csv     frame,image,r11,...,r33,tx,ty,tz,steps,stopped_by,confidence,milliseconds,state;
+  poses.csv     (rows can be read while the track runs)
+                frame,image,r11,...,r33,tx,ty,tz,steps,stopped_by,confidence,milliseconds,state;
                 one row a frame (of several objects one row each, with a column object before
                 state), empty numbers where there is no pose; the state is tracking, uncertain
                 (there is a pose, it may be wrong) or lost
@@ -98,6 +103,9 @@ def add_parser(verbs: Any) -> None:
         action="store_true",
         help="paint meshes without colours from the first frame, at the start pose",
     )
+    parser.add_argument(
+        "--resume", action="store_true", help="go on behind the last row of --output's poses.csv"
+    )
     parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
     parser.add_argument("--rerun", type=Path, metavar="FILE", help="write an .rrd for rerun")
@@ -118,11 +126,12 @@ def _add_needed_options(parser: argparse.ArgumentParser) -> None:
     )
     needed.add_argument(
         "--mesh_unit",
-        choices=("m", "mm"),
+        choices=UNITS,
         required=True,
         action="append",
         help="the mesh's unit; once, or for each mesh",
     )
+    add_untextured_option(parser)
     needed.add_argument(
         "--video",
         required=True,
@@ -149,8 +158,10 @@ def run(args: argparse.Namespace) -> int:
     starts, frames = read_starts(args, len(meshes)), open_frames(args.video)
     camera = camera_of(args, frames)
     check_report(args.report, frames)
-    if len(meshes) > 1 and (args.report or args.rerun):
-        raise InputError("--report and --rerun show one object; leave them out with several.")
+    if len(meshes) > 1 and (args.report or args.rerun or args.resume):
+        raise InputError(
+            "--report, --rerun and --resume are for one object; leave them out with several."
+        )
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
     # What is live and read ahead would show the past.
@@ -171,17 +182,24 @@ def run(args: argparse.Namespace) -> int:
     names = object_names(args.mesh)
     output = new_folder(args.output)
     records = [TrackSummary() for _ in meshes]
+    earlier = earlier_rows(output, args)
+    movie_file = None if args.no_overlay else output / _movie_name(len(earlier))
+    if not earlier:
+        clear_earlier(output, [movie_file, args.report, args.rerun])
+    for row in earlier:
+        records[0].add_row(row)
     with (
         _summary(output / "summary.json", records, names, args, setting),
         reporting(args.report, _about(args), meshes[0], camera, frames, renderer) as page,
-        PoseWriter(output / "poses.csv", track_columns(len(meshes))) as table,
-        _movie(output / "overlay.mp4", frames.fps, args.no_overlay) as movie,
+        PoseWriter(output / "poses.csv", track_columns(len(meshes)), resume=bool(earlier)) as table,
+        _movie(movie_file, frames.fps) as movie,
         rerun_log(args.rerun, meshes[0], camera) as log,
     ):
         watched = progress(ahead, frames.length, "track")
         exact = args.exact_start and setting.config.calibration.enabled
         known = calibrating(tracker, watched) if exact else watched
-        for step in complaining(run_tracker(tracker, known, names)):
+        todo = going_on(tracker, known, earlier) if earlier else known
+        for step in complaining(run_tracker(tracker, todo, names)):
             for record, one in zip(records, (step, *step.others), strict=True):
                 table.write(one.row)
                 record.add(one)
@@ -238,10 +256,15 @@ def _summary(
             write_json(path, facts)
 
 
-def _movie(path: Path, fps: float | None, left_out: bool) -> AbstractContextManager[Any]:
+def _movie_name(first: int) -> str:
+    """A video cannot be gone on with: that of a resumed track has a name of its own."""
+    return f"overlay_{first:06d}.mp4" if first else "overlay.mp4"
+
+
+def _movie(path: Path | None, fps: float | None) -> AbstractContextManager[Any]:
     from ..visualization.video import VideoWriter
 
-    return nullcontext() if left_out else VideoWriter(path, fps or 25.0)
+    return nullcontext() if path is None else VideoWriter(path, fps or 25.0)
 
 
 def _verdict(records: Sequence[TrackSummary], names: Sequence[str], output: Path) -> int:

@@ -172,7 +172,7 @@ class TrackerConfig:
         detection: search of a whole image for an object.
         recovery: when an object counts as lost, and how it is looked for then.
 
-    Example:
+    Examples:
         >>> from moveit6d import TrackerConfig
         >>> from moveit6d.config import ContourConfig
         >>> TrackerConfig(contour=ContourConfig(enabled=False)).contour.enabled

@@ -8,44 +8,31 @@ to image; `visib_fract` counts the parts outside of the image as hidden.
 
 from __future__ import annotations
 
-import csv
-import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import entry, listed, mapping, numbers, whole
+from ..checks import number as _number
 from ..errors import InputError
 from ..geometry.camera import Camera
-from ..geometry.mesh import Mesh
+from ..geometry.mesh import Mesh, Unit
 from ..geometry.pose import Pose
 from ..geometry.symmetry import Symmetries
-from ..io import read_json, read_json_list, replacing
+from ..io import read_json, read_json_list
+from .bop_layout import MODEL_FOLDERS, image_files, model_file, model_folders, scene_folders
+from .bop_results import Estimate as Estimate
+from .bop_results import by_image as by_image
+from .bop_results import metric_pose
+from .bop_results import read_results as read_results
+from .bop_results import write_results as write_results
 from .video import Image, read_image
 
-RESULT_HEADER = ("scene_id", "im_id", "obj_id", "score", "R", "t", "time")
-MODEL_FOLDERS = ("models", "models_cad", "models_eval", "models_reconst")
-SUFFIXES = (".png", ".jpg", ".tif", ".jpeg")
 TARGETS = "test_targets_bop19.json"
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One line of a BOP result file: a pose (metres) with its score; `seconds` is −1 if unknown.
-
-    `seconds` is the time of the whole image, the same on all lines of that image.
-    """
-
-    scene: int
-    image: int
-    object: int
-    score: float
-    pose: Pose
-    seconds: float = -1.0
 
 
 @dataclass(frozen=True)
@@ -78,14 +65,18 @@ class BopDataset:
     """One split of a data set: `root/split/<scene>/…` and `root/models`.
 
     `sensor` is the suffix of data sets with several cameras: `scene_gt_cam1.json`, `rgb_cam1/` or,
-    for HOT3D, `scene_gt_gray1.json`, `gray1/`.
+    for HOT3D, `scene_gt_gray1.json`, `gray1/`. `mesh_unit` is that of the models, millimetres in
+    BOP.
     """
 
     root: Path
     split: str
     sensor: str = ""
+    mesh_unit: Unit = "mm"
     _scenes: dict[tuple[int, str], dict[str, Any]] = field(default_factory=dict, repr=False)
     _meshes: dict[Path, Mesh] = field(default_factory=dict, repr=False)
+    _listed: dict[Path, dict[int, Path]] = field(default_factory=dict, repr=False)
+    _info: dict[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if not self.root.is_dir():
@@ -104,12 +95,16 @@ class BopDataset:
 
     def scenes(self) -> list[int]:
         """Scene numbers of the split, sorted."""
-        names = [p.name for p in (self.root / self.split).iterdir() if p.is_dir()]
-        return sorted(int(name) for name in names if name.isdecimal())
+        return sorted(scene_folders(self.root / self.split))
 
     def images(self, scene: int) -> list[int]:
         """Image numbers of a scene, sorted."""
-        return sorted(int(key) for key in self._scene(scene, "scene_camera"))
+        keys = self._scene(scene, "scene_camera")
+        odd = next((key for key in keys if not (key.isascii() and key.isdecimal())), None)
+        if odd is not None:
+            where = self._json(scene, "scene_camera")
+            raise InputError(f"{where}: {odd[:40]!r} is no number of an image.")
+        return sorted(int(key) for key in keys)
 
     def image(self, scene: int, image: int) -> Image:
         """One colour image, RGB (H, W, 3) uint8."""
@@ -122,7 +117,8 @@ class BopDataset:
         path = self._find(scene, image, ("depth",))
         if path is None:
             return None
-        scale = float(self._camera_entry(scene, image)[0].get("depth_scale", 1.0))
+        content, where = self._camera_entry(scene, image)
+        scale = _number(content.get("depth_scale", 1.0), f"{where}: depth_scale of image {image}")
         try:
             with Pillow.open(path) as opened:
                 return np.asarray(opened).astype(np.float32) * np.float32(scale / 1000)
@@ -136,15 +132,13 @@ class BopDataset:
 
     def camera(self, scene: int, image: int, size: tuple[int, int] | None = None) -> Camera:
         """The camera of one image; `size` (width, height) saves opening it."""
-        entry, where = self._camera_entry(scene, image)
-        values = entry.get("cam_K")
-        if "cam_model" in entry:
+        content, where = self._camera_entry(scene, image)
+        if "cam_model" in content:
             raise InputError(
                 f"{where}: image {image} has a cam_model, a lens that is no pinhole; undistort the "
                 "images and give cam_K."
             )
-        if not isinstance(values, list) or len(values) != 9:
-            raise InputError(f"{where}: image {image} has no cam_K of 9 numbers.")
+        values = numbers(content.get("cam_K"), 9, f"{where}: cam_K of image {image}")
         if size is None:
             height, width = self.image(scene, image).shape[:2]
             size = (width, height)
@@ -156,55 +150,69 @@ class BopDataset:
         where = f"{self._json(scene, 'scene_gt')}, image {image}"
         if str(image) not in known:
             raise InputError(f"{where}: not there.")
-        entries = known[str(image)]
+        entries = [mapping(one, where) for one in listed(known[str(image)], where)]
         seen = [1.0] * len(entries)
         if self._json(scene, "scene_gt_info").is_file():
-            info = self._scene(scene, "scene_gt_info").get(str(image), [])
+            about = str(self._json(scene, "scene_gt_info"))
+            info = listed(self._scene(scene, "scene_gt_info").get(str(image), []), about)
             if len(info) != len(entries):
                 raise InputError(f"{where}: scene_gt_info lists {len(info)} of {len(entries)}.")
-            seen = [float(entry.get("visib_fract", 1.0)) for entry in info]
+            seen = [
+                _number(mapping(one, about).get("visib_fract", 1.0), f"{about}: visib_fract")
+                for one in info
+            ]
         return [
             Instance(
-                int(entry["obj_id"]),
-                _metres(entry["cam_R_m2c"], entry["cam_t_m2c"], where),
+                whole(entry(one, "obj_id", where), f"{where}: obj_id"),
+                metric_pose(entry(one, "cam_R_m2c", where), entry(one, "cam_t_m2c", where), where),
                 visible,
             )
-            for entry, visible in zip(entries, seen, strict=True)
+            for one, visible in zip(entries, seen, strict=True)
         ]
 
     def targets(self, name: str = TARGETS) -> list[BopTarget]:
         """What a targets file asks for, in its order."""
         path = self.root / name
-        try:
-            return [
-                BopTarget(
-                    int(entry["scene_id"]),
-                    int(entry["im_id"]),
-                    entry.get("obj_id"),
-                    entry.get("inst_count"),
-                )
-                for entry in read_json_list(path)
-            ]
-        except (KeyError, TypeError) as error:
-            raise InputError(f"{path}: a target needs scene_id and im_id ({error}).") from None
+        return [_target(mapping(one, f"{path}: a target"), path) for one in read_json_list(path)]
 
     def model_info(self, number: int) -> Mapping[str, Any]:
-        """What models_info.json says of an object: diameter in millimetres, symmetries, …."""
+        """What models_info.json says of an object: diameter in millimetres, symmetries, ….
+
+        Nothing where there is no such file or it is silent about an object whose mesh is there.
+        """
         path = self._models() / "models_info.json"
-        known = _read_cached(path)
-        if str(number) not in known:
-            there = ", ".join(sorted(known, key=int))
+        known = self._known(path)
+        if known.get(str(number)) is not None:
+            return mapping(known[str(number)], f"{path}: object {number}")
+        if model_file(path.parent, number) is None:
+            there = ", ".join(sorted(known)) or "none"
             raise InputError(f"{path} does not know object {number}; it knows {there}.")
-        info: Mapping[str, Any] = known[str(number)]
-        return info
+        return {}
+
+    def _known(self, path: Path) -> Mapping[str, Any]:
+        """Everything in models_info.json, which is read once."""
+        if self._info is None:
+            self._info = read_json(path) if path.exists() else {}
+        return self._info
 
     def objects(self) -> list[int]:
-        """Numbers of all objects of models_info.json, sorted."""
-        return sorted(int(number) for number in _read_cached(self._models() / "models_info.json"))
+        """Numbers of all objects of models_info.json, sorted; `InputError` if it names none."""
+        path = self._models() / "models_info.json"
+        found = sorted(int(number) for number in self._known(path) if number.isdecimal())
+        if not found:
+            raise InputError(f"{path} names no object; give a targets file that does.")
+        return found
 
     def diameter(self, number: int) -> float:
-        """The published diameter of an object, metres."""
-        return float(self.model_info(number)["diameter"]) / 1000
+        """The published diameter of an object, metres; measured on its mesh where none is given."""
+        given = self.model_info(number).get("diameter")
+        if given is None:
+            return self.eval_mesh(number).diameter
+        where = f"{self._models() / 'models_info.json'}: diameter of object {number}"
+        diameter = _number(given, where) / 1000
+        if diameter <= 0:
+            raise InputError(f"{where} must be above 0, found {given}.")
+        return diameter
 
     def is_symmetric(self, number: int) -> bool:
         """Whether models_info.json declares any symmetry of the object."""
@@ -218,42 +226,56 @@ class BopDataset:
     def eval_mesh(self, number: int) -> Mesh:
         """The mesh that BOP measures errors with, of models_eval where it is there; read once."""
         folder = self.root / "models_eval"
-        there = (folder / f"obj_{number:06d}.ply").exists()
+        there = folder.is_dir() and model_file(folder, number) is not None
         return self._mesh(folder if there else self._models(), number)
 
     def mesh_path(self, number: int) -> Path:
-        """Where the mesh of an object lies."""
-        return self._models() / f"obj_{number:06d}.ply"
+        """Where the mesh of an object lies, or would lie."""
+        folder = self._models()
+        return model_file(folder, number) or folder / f"obj_{number:06d}.ply"
 
     def symmetries(self, number: int) -> Symmetries:
         """The declared symmetries of an object, metres."""
-        return Symmetries.from_bop(self.model_info(number))
+        try:
+            return Symmetries.from_bop(self.model_info(number))
+        except InputError as error:
+            path = self._models() / "models_info.json"
+            raise InputError(f"{path}: object {number}: {error}") from error
 
     def image_path(self, scene: int, image: int) -> Path:
         """The file of one colour (or grey) image."""
         path = self._find(scene, image, ("rgb", "gray"))
         if path is None:
-            name = self._folder(scene) / (f"rgb_{self.sensor}" if self.sensor else "rgb")
+            name = self.folder(scene) / (f"rgb_{self.sensor}" if self.sensor else "rgb")
             raise InputError(
                 f"image {image} of scene {scene}: there is no {name}/{image:06d}.png or .jpg."
             )
         return path
 
     def _find(self, scene: int, image: int, kinds: tuple[str, ...]) -> Path | None:
-        folder = self._folder(scene)
+        folder = self.folder(scene)
         names = [f"{kind}_{self.sensor}" if self.sensor else kind for kind in kinds]
         if self.sensor and "depth" not in kinds:
             names.append(self.sensor)
-        places = (folder / name / f"{image:06d}{suffix}" for name in names for suffix in SUFFIXES)
-        return next((place for place in places if place.exists()), None)
+        for place in (folder / name for name in names):
+            if place not in self._listed:
+                self._listed[place] = image_files(place)
+            path = self._listed[place].get(image)
+            if path is not None and path.exists():
+                return path
+        return None
 
     def _mesh(self, folder: Path, number: int) -> Mesh:
-        path = folder / f"obj_{number:06d}.ply"
+        path = model_file(folder, number)
+        if path is None:
+            self.model_info(number)  # has the better words for an object that nobody knows
+            raise InputError(
+                f"object {number}: there is no mesh {folder / f'obj_{number:06d}.ply'}, nor one of "
+                "another format."
+            )
         if path not in self._meshes:
             symmetries = self.symmetries(number)
-            if not path.exists():
-                raise InputError(f"object {number}: there is no mesh {path}.")
-            self._meshes[path] = Mesh.load(path, unit="mm", symmetries=symmetries)
+            self._meshes[path] = Mesh.load(path, self.mesh_unit, symmetries, allow_flat=True)
         return self._meshes[path]
 
     def _camera_entry(self, scene: int, image: int) -> tuple[dict[str, Any], str]:
@@ -262,25 +284,30 @@ class BopDataset:
         known = self._scene(scene, "scene_camera")
         if str(image) not in known:
             raise InputError(f"{where} does not know image {image}.")
-        return known[str(image)], where
+        return mapping(known[str(image)], f"{where}: image {image}"), where
 
     def _json(self, scene: int, name: str) -> Path:
-        return self._folder(scene) / f"{name}{f'_{self.sensor}' if self.sensor else ''}.json"
+        return self.folder(scene) / f"{name}{f'_{self.sensor}' if self.sensor else ''}.json"
 
     def _models(self) -> Path:
-        for name in MODEL_FOLDERS:
-            if (self.root / name / "models_info.json").exists():
-                return self.root / name
+        for folder in model_folders(self.root):
+            if (folder / "models_info.json").exists() or any(folder.glob("obj_*.*")):
+                return folder
         raise InputError(
-            f"{self.root} has no models: looked for models_info.json in {', '.join(MODEL_FOLDERS)}."
+            f"{self.root} has no models: looked for obj_000001.ply and models_info.json in "
+            f"{', '.join(MODEL_FOLDERS)}."
         )
 
-    def _folder(self, scene: int) -> Path:
+    def folder(self, scene: int) -> Path:
+        """The folder of a scene, its number padded with zeros or not."""
         folder = self.root / self.split / f"{scene:06d}"
-        if not folder.is_dir():
-            there = ", ".join(map(str, self.scenes())) or "none"
+        if folder.is_dir():
+            return folder
+        found = scene_folders(self.root / self.split)
+        if scene not in found:
+            there = ", ".join(map(str, sorted(found))) or "none"
             raise InputError(f"scene {scene}: no folder {folder}; scenes there: {there}.")
-        return folder
+        return found[scene]
 
     def _scene(self, scene: int, name: str) -> dict[str, Any]:
         if (scene, name) not in self._scenes:
@@ -288,67 +315,12 @@ class BopDataset:
         return self._scenes[scene, name]
 
 
-def read_results(path: Path) -> list[Estimate]:
-    """All lines of a BOP result file in their order. An empty file is an `InputError`."""
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.reader(file))
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist.") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path} cannot be read: {error}.") from error
-    if not rows or tuple(cell.strip() for cell in rows[0]) != RESULT_HEADER:
-        raise InputError(f"{path}: its first line must be {','.join(RESULT_HEADER)}.")
-    found = [_estimate(row, f"{path}, row {n}") for n, row in enumerate(rows[1:], 1) if row]
-    if not found:
-        raise InputError(f"{path} holds no estimate.")
-    return found
-
-
-def write_results(path: Path, estimates: Iterable[Estimate]) -> None:
-    """Write a BOP result file, atomically, in the order given."""
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8") as file:
-        file.write(",".join(RESULT_HEADER) + "\n")
-        for e in estimates:
-            rotation = " ".join(f"{value:.10g}" for value in e.pose.rotation.reshape(9).tolist())
-            shift = " ".join(f"{1000 * value:.10g}" for value in e.pose.translation.tolist())
-            seconds = "-1" if e.seconds < 0 else f"{e.seconds:.6f}"
-            file.write(
-                f"{e.scene},{e.image},{e.object},{e.score:.6f},{rotation},{shift},{seconds}\n"
-            )
-
-
-def by_image(estimates: Iterable[Estimate]) -> Iterator[tuple[tuple[int, int], list[int]]]:
-    """Row numbers (from 0) of every (scene, image), in order of first appearance."""
-    places: dict[tuple[int, int], list[int]] = {}
-    for index, estimate in enumerate(estimates):
-        places.setdefault((estimate.scene, estimate.image), []).append(index)
-    yield from places.items()
-
-
-def _estimate(row: list[str], where: str) -> Estimate:
-    if len(row) != len(RESULT_HEADER):
-        raise InputError(f"{where}: {len(RESULT_HEADER)} fields expected, found {len(row)}.")
-    try:
-        scene, image, number = (int(cell) for cell in row[:3])
-        score, seconds = float(row[3]), float(row[6])
-        rotation = [float(cell) for cell in row[4].split()]
-        shift = [float(cell) for cell in row[5].split()]
-    except ValueError as error:
-        raise InputError(f"{where}: {error}.") from None
-    if not math.isfinite(score):
-        raise InputError(f"{where}: the score must be a finite number, found {row[3]}.")
-    return Estimate(scene, image, number, score, _metres(rotation, shift, where), seconds)
-
-
-def _metres(rotation: Any, millimetres: Any, where: str) -> Pose:
-    if len(rotation) != 9 or len(millimetres) != 3:
-        raise InputError(
-            f"{where}: R must have 9 numbers and t 3, found {len(rotation)} and {len(millimetres)}."
-        )
-    return Pose.checked(rotation, [value / 1000 for value in millimetres], where=where)
-
-
-@lru_cache(maxsize=16)
-def _read_cached(path: Path) -> dict[str, Any]:
-    return read_json(path)
+def _target(content: dict[str, Any], path: Path) -> BopTarget:
+    scene, image = (entry(content, key, f"{path}: a target") for key in ("scene_id", "im_id"))
+    item, count = content.get("obj_id"), content.get("inst_count")
+    return BopTarget(
+        whole(scene, f"{path}: scene_id"),
+        whole(image, f"{path}: im_id"),
+        None if item is None else whole(item, f"{path}: obj_id"),
+        None if count is None else whole(count, f"{path}: inst_count"),
+    )

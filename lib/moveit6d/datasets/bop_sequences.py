@@ -54,7 +54,7 @@ def open_split(path: Path) -> BopDataset:
 
 def _read_scene(dataset: BopDataset, scene: int) -> list[Sequence]:
     images = dataset.images(scene)
-    folder = dataset.root / dataset.split / f"{scene:06d}"
+    folder = dataset.folder(scene)
     truth: dict[int, dict[int, Pose]] = {}
     for frame, image in enumerate(images):
         instances = dataset.truth(scene, image)
@@ -74,7 +74,7 @@ def _read_scene(dataset: BopDataset, scene: int) -> list[Sequence]:
             start=next(iter(poses.values())),
             first=next(iter(poses)),
             truth=poses,
-            mesh_unit="mm",
+            mesh_unit=dataset.mesh_unit,
             images=paths,
             group=str(number),
             object=str(number),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from ..checks import reading
 from ..errors import InputError
 from ..io import read_json
 from . import bop_sequences, laval, rbot, sequences, ycbv
@@ -51,7 +52,8 @@ def open_dataset(path: str | Path, kind: str | None = None) -> list[Sequence]:
         kind = recognise(path)
     elif kind not in FORMATS:
         raise InputError(f"There is no kind of data set {kind!r}; choose one of {_kinds()}.")
-    return FORMATS[kind][1](path)
+    with reading(path, kind):
+        return FORMATS[kind][1](path)
 
 
 def recognise(path: Path) -> str:

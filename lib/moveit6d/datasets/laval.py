@@ -22,6 +22,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from ..checks import number, numbers, whole
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
@@ -83,16 +84,18 @@ def read_camera(path: Path) -> Camera:
     missing = [key for key in CAMERA_KEYS if key not in content]
     if missing:
         raise InputError(f"{path}: {', '.join(missing)} missing; Laval has {CAMERA_KEYS[0]} ….")
-    fx, fy, cx, cy = (float(content[key]) for key in CAMERA_KEYS[:4])
-    lens = tuple(float(value) for value in np.ravel(content.get("distortion") or ()))
-    size = int(content["width"]), int(content["height"])
-    return Camera(fx, fy, cx, cy, *size, lens if any(lens) else None)
+    fx, fy, cx, cy = (number(content[key], f"{path}: {key}") for key in CAMERA_KEYS[:4])
+    given = content.get("distortion") or []
+    rows = given if given and isinstance(given[0], list) else [given]
+    lens = tuple(value for row in rows for value in numbers(row, None, f"{path}: distortion"))
+    width, height = (whole(content[key], f"{path}: {key}") for key in CAMERA_KEYS[4:])
+    return Camera(fx, fy, cx, cy, width, height, lens if any(lens) else None)
 
 
 def from_opengl(matrices: Any, where: str) -> Pose:
     """Poses (N) of OpenGL view matrices (N, 16) row-major or (N, 4, 4), metres."""
     values = np.asarray(matrices, np.float64)
-    if values.ndim < 2 or values[0].size != 16:
+    if values.ndim not in (2, 3) or not len(values) or values[0].size != 16:
         raise InputError(f"{where}: N × 16 or N × 4 × 4 numbers expected, found {values.shape}.")
     turned = FLIP @ values.reshape(-1, 4, 4)
     if (turned[:, 2, 3] < 0).all():
@@ -170,12 +173,16 @@ def _read(folder: Path) -> Sequence:
 
 def _load(path: Path) -> NDArray[np.float64]:
     try:
-        matrices = np.load(path, allow_pickle=False)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} is not an array of poses: {error}.") from error
-    if not len(matrices):
+        # Memory-mapped first: a header may promise more than the file holds.
+        matrices = np.load(path, allow_pickle=False, mmap_mode="r")
+        if not isinstance(matrices, np.ndarray) or matrices.dtype.kind not in "fiu":
+            raise ValueError("it holds no array of numbers")
+        values = np.asarray(matrices, np.float64)
+    except Exception as error:  # numpy's own parser of headers raises what it stumbles upon
+        raise InputError(f"{path} is not an array of poses: {str(error)[:120]}.") from error
+    if values.ndim == 0 or not len(values):
         raise InputError(f"{path} holds no pose.")
-    return np.asarray(matrices, np.float64)
+    return values
 
 
 def _folders(path: Path) -> list[Path]:

@@ -7,17 +7,21 @@ of the mesh file.
 from __future__ import annotations
 
 import csv
+import io
 import math
+import os
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, TextIO
+from typing import Any
 
+from ..checks import number, whole
 from ..errors import InputError
 from ..geometry.camera import Camera
-from ..geometry.pose import Pose
-from ..io import replacing, write_json
+from ..geometry.pose import Pose, in_metres
+from ..io import check_writable, read_text, replacing, write_json
 
 ROTATION_COLUMNS = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
 POSE_COLUMNS = (*ROTATION_COLUMNS, "tx", "ty", "tz")
@@ -81,37 +85,50 @@ def camera_content(camera: Camera) -> dict[str, Any]:
 
 
 class PoseWriter:
-    """Writes poses.csv row by row under a temporary name; closing gives it its real name.
+    """Writes poses.csv row by row; every row can be read as soon as it is written.
 
-    Use as a context manager: whatever ends the block (the end of the video, Ctrl-C, an error), the
-    rows written so far become the file; an error before the first row leaves none. Constant
+    Use as a context manager. The first row takes the place of an older file; from then on whatever
+    ends the program (the end of the video, a signal, a full disk, `kill -9`) leaves whole rows. No
+    row, no change. `resume` goes on behind the whole rows of a file that is there. Constant
     memory. `columns` chooses and orders the columns.
     """
 
-    def __init__(self, path: Path, columns: Sequence[str] = TRACK_COLUMNS) -> None:
+    def __init__(
+        self, path: Path, columns: Sequence[str] = TRACK_COLUMNS, resume: bool = False
+    ) -> None:
         self.path = path
         self.columns = tuple(columns)
-        self._stack = replacing(path)
-        self._file: TextIO | None = None
-        self._rows = 0
+        self.resume = resume
+        self._file: io.FileIO | None = None
+        self._end = 0  # of the last whole row, bytes
 
     def __enter__(self) -> PoseWriter:
-        temporary = self._stack.__enter__()
-        try:
-            self._file = temporary.open("w", encoding="utf-8", newline="")
-        except OSError as error:
-            self._stack.__exit__(type(error), error, error.__traceback__)
-            raise
-        self._file.write(",".join(self.columns) + "\n")
+        check_writable(self.path)
+        if self.resume and self.path.is_file():
+            self._file = self.path.open("r+b", buffering=0)
+            self._end = self._file.read().rfind(b"\n") + 1
+            self._file.truncate(self._end)
+            self._file.seek(self._end)
         return self
 
     def write(self, row: PoseRow) -> None:
         """Append one row."""
-        assert self._file is not None, "use `with PoseWriter(...)`"
-        csv.writer(self._file, lineterminator="\n").writerow(
-            [_cell(row, column) for column in self.columns]
-        )
-        self._rows += 1
+        line = _line([_cell(row, column) for column in self.columns])
+        try:
+            if self._file is None:
+                line = _line(self.columns) + line
+                with replacing(self.path) as temporary:
+                    self._file = temporary.open("wb", buffering=0)
+                    self._append(line)
+            else:
+                self._append(line)
+        except OSError as error:
+            self._cut()
+            raise InputError(
+                f"{self.path} cannot be written: {error.strerror or error}; the rows before are "
+                "kept."
+            ) from error
+        self._end += len(line)
 
     def __exit__(
         self,
@@ -119,46 +136,74 @@ class PoseWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        if self._file is not None:
+            with suppress(OSError):
+                self._file.close()
+
+    def _append(self, line: bytes) -> None:
+        """Write at once, without a buffer that a killed process would take along."""
         assert self._file is not None
-        try:
-            self._file.close()
-        except OSError as full:
-            self._stack.__exit__(type(full), full, full.__traceback__)
-            raise
-        if self._rows or kind is None:
-            self._stack.__exit__(None, None, None)
-        else:
-            self._stack.__exit__(kind, error, trace)
+        while line:
+            line = line[self._file.write(line) or 0 :]
+
+    def _cut(self) -> None:
+        """Take back what a full disk let through of a row."""
+        if self._file is not None and self._end:
+            with suppress(OSError):
+                os.ftruncate(self._file.fileno(), self._end)
 
 
 def write_poses(
     path: Path, rows: Iterable[PoseRow], columns: Sequence[str] = TRACK_COLUMNS
 ) -> None:
-    """Write a whole poses.csv, atomically."""
-    with PoseWriter(path, columns) as writer:
+    """Write a whole poses.csv, atomically.
+
+    Examples:
+        >>> import torch
+        >>> from pathlib import Path
+        >>> from moveit6d import Pose
+        >>> pose = Pose(torch.eye(3), torch.tensor([0.0, 0.0, 0.5]))
+        >>> write_poses(Path("poses.csv"), [PoseRow(0, "a.png", pose), PoseRow(1, "b.png")])
+        >>> [row.pose is not None for row in read_poses(Path("poses.csv"))]
+        [True, False]
+    """
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        file.write(_line(columns))
         for row in rows:
-            writer.write(row)
+            file.write(_line([_cell(row, column) for column in columns]))
 
 
-def read_poses(path: Path) -> list[PoseRow]:
+def _line(cells: Iterable[str]) -> bytes:
+    """A line of CSV; names that are not UTF-8 are written with their bytes as numbers."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(list(cells))
+    return text.getvalue().encode("utf-8", errors="backslashreplace")
+
+
+def whole_lines(path: Path) -> str:
+    """The text of a table without a last line that was not finished."""
+    text = read_text(path)
+    return text[: text.rfind("\n") + 1]
+
+
+def read_poses(path: Path, text: str | None = None) -> list[PoseRow]:
     """All rows of a poses.csv in the order of the file; other columns are ignored.
 
     Needs the columns frame, r11 … r33, tx, ty, tz. A row whose pose is empty or not finite has no
-    pose; one that is half filled, or no rotation, is an `InputError` that names its line.
+    pose; one that is half filled, or no rotation, is an `InputError` that names its line. `text` is
+    the file's text if it was read already.
     """
+    lines = read_text(path) if text is None else text
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file)
-            missing = [c for c in ("frame", *POSE_COLUMNS) if c not in (reader.fieldnames or ())]
-            if missing:
-                raise InputError(
-                    f"{path}: no column {', '.join(missing)}; its first line must name the "
-                    "columns frame, r11 … r33, tx, ty, tz."
-                )
-            return [_read_row(row, f"{path}, line {reader.line_num}") for row in reader]
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist.") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reader = csv.DictReader(io.StringIO(lines, newline=""))
+        missing = [c for c in ("frame", *POSE_COLUMNS) if c not in (reader.fieldnames or ())]
+        if missing:
+            raise InputError(
+                f"{path}: no column {', '.join(missing)}; its first line must name the "
+                "columns frame, r11 … r33, tx, ty, tz."
+            )
+        return [_read_row(row, f"{path}, line {reader.line_num}") for row in reader]
+    except csv.Error as error:
         raise InputError(f"{path} cannot be read: {error}.") from error
 
 
@@ -183,18 +228,19 @@ def _read_row(row: Mapping[str, str | None], where: str) -> PoseRow:
         numbers = [value for value in values if value is not None]
         if all(math.isfinite(value) for value in numbers):
             pose = Pose.checked(numbers[:9], numbers[9:], where=where)
+            pose = in_metres(pose, where)
     frame = _optional(row["frame"], f"{where}: frame")
-    if frame is None or not frame.is_integer():
+    if frame is None or not frame.is_integer() or abs(frame) > 2**53:
         raise InputError(f"{where}: frame must be a whole number, found {row['frame']!r}.")
     iterations = _optional(row.get("steps"), f"{where}: steps")
     return PoseRow(
         frame=int(frame),
         image=row.get("image") or "",
         pose=pose,
-        iterations=None if iterations is None else int(iterations),
+        iterations=None if iterations is None else whole(iterations, f"{where}: steps"),
         stopped_by=row.get("stopped_by") or "",
-        confidence=_optional(row.get("confidence"), f"{where}: confidence"),
-        milliseconds=_optional(row.get("milliseconds"), f"{where}: milliseconds"),
+        confidence=_finite(row.get("confidence"), f"{where}: confidence"),
+        milliseconds=_finite(row.get("milliseconds"), f"{where}: milliseconds"),
         reset=bool(_optional(row.get("reset"), f"{where}: reset") or 0),
         object=row.get("object") or "",
         state=row.get("state") or "",
@@ -214,6 +260,11 @@ def _cell(row: PoseRow, column: str) -> str:
     if isinstance(value, bool):
         return str(int(value))
     return f"{value:.4f}" if isinstance(value, float) else str(value)
+
+
+def _finite(text: str | None, where: str) -> float | None:
+    value = _optional(text, where)
+    return None if value is None else number(value, where)
 
 
 def _optional(text: str | None, where: str) -> float | None:

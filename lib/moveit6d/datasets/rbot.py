@@ -21,10 +21,10 @@ from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..io import replacing
+from ..io import read_text, replacing
 from .mesh_writers import write_obj
 from .sequences import Sequence
-from .video import Image
+from .video import Image, image_size
 
 VARIANTS = ("a_regular", "b_dynamiclight", "c_noisy", "d_occlusion")
 POSES, CALIBRATION = "poses_first.txt", "camera_calibration.txt"
@@ -84,16 +84,13 @@ def write_rbot(
 
 
 def _read(path: Path, folder: Path, variant: str, poses: Pose) -> list[Sequence]:
-    from PIL import Image as Pillow
-
     images = sorted((folder / "frames").glob(f"{variant}[0-9]*.png"))[: len(poses)]
     if not images:
         return []
     mesh = folder / f"{folder.name}.obj"
     if not mesh.is_file():
         raise InputError(f"{folder}: its mesh is missing; looked for {mesh.name}.")
-    with Pillow.open(images[0]) as opened:
-        width, height = opened.size
+    width, height = image_size(images[0])
     fx, fy, cx, cy = _read_numbers(path / CALIBRATION, 4)[0, :4].tolist()
     truth = {number: poses[number] for number in range(len(images))}
     return [
@@ -121,10 +118,14 @@ def _read_poses(path: Path) -> Pose:
 
 def _read_numbers(path: Path, columns: int) -> NDArray[np.float64]:
     """The numbers (rows, columns) below the header line."""
+    lines = [line.split() for line in read_text(path).splitlines()[1:] if line.strip()]
     try:
-        numbers = np.loadtxt(path, skiprows=1, ndmin=2)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read below its header line: {error}.") from error
-    if len(numbers) == 0 or numbers.shape[1] < columns:
-        raise InputError(f"{path}: {columns} numbers a line expected, found {numbers.shape}.")
+        numbers = np.array([[float(value) for value in line] for line in lines], np.float64)
+    except ValueError as error:
+        reason = str(error)[:80]
+        raise InputError(f"{path} cannot be read below its header line: {reason}.") from error
+    if numbers.ndim != 2 or numbers.shape[1] < columns or not np.isfinite(numbers).all():
+        raise InputError(
+            f"{path}: {columns} finite numbers a line expected, found {numbers.shape}."
+        )
     return np.asarray(numbers, np.float64)

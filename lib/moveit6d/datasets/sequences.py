@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
+from ..checks import file_name
 from ..errors import InputError
 from ..geometry.camera import Camera
-from ..geometry.mesh import Mesh
+from ..geometry.mesh import Mesh, Unit
 from ..geometry.pose import Pose
 from ..geometry.symmetry import Symmetries
 from .pose_files import PoseRow, by_frame, read_camera, read_poses
@@ -43,7 +43,7 @@ class Sequence:
     start: Pose
     first: int
     truth: Mapping[int, Pose]
-    mesh_unit: Literal["m", "mm"] = "m"
+    mesh_unit: Unit = "m"
     images: tuple[Path, ...] | None = None  # the image files in order, instead of `frames`
     points: Path | None = None  # evaluation points that come with the object, metres
     group: str = ""  # what tables group by, where the name does not tell
@@ -51,6 +51,9 @@ class Sequence:
     symmetric: bool = False  # ADD-S is its metric
     symmetries: Symmetries | None = None  # as declared by the data set
     keyframes: frozenset[int] | None = None  # the frames that are scored, where not all are
+
+    def __post_init__(self) -> None:
+        file_name(self.name, str(self.folder))  # results are called by it
 
     @property
     def level(self) -> str:
@@ -62,7 +65,7 @@ class Sequence:
 
     def load_mesh(self) -> Mesh:
         """The object's mesh, read anew at each call."""
-        return Mesh.load(self.mesh, self.mesh_unit, self.symmetries)
+        return Mesh.load(self.mesh, self.mesh_unit, self.symmetries, allow_flat=True)
 
     def open(self) -> FrameSource:
         """The frames in order, a few of them read ahead: memory does not grow with the length."""
@@ -96,6 +99,8 @@ def read_sequence(folder: Path) -> list[Sequence]:
     camera = read_camera(folder / "camera.json")
     found = []
     for label in dict.fromkeys(row.object for row in rows):
+        if label:
+            file_name(label, str(folder / "poses.csv"))
         where = f"{folder / 'poses.csv'}" + (f", object {label}" if label else "")
         mine = by_frame(_placed((row for row in rows if row.object == label), names, where), where)
         truth = {k: mine[k].pose for k in sorted(mine)}

@@ -9,7 +9,9 @@ from __future__ import annotations
 import queue
 import re
 import threading
+import warnings
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -21,6 +23,10 @@ from ..errors import InputError
 from .image_depth import deep_rgb, is_deep, to_rgb8
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
+# Not EPS, for which Pillow starts another program.
+IMAGE_FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP", "PPM", "MPO", "GIF", "TGA", "JPEG2000")
+# A header of a few bytes can promise gigabytes: more pixels than this only in a file of its size.
+FREE_PIXELS, PIXELS_PER_BYTE = 40_000_000, 300
 # A camera that gives nothing this many times in a row is taken to be gone.
 CAMERA_PATIENCE = 30
 AHEAD = 3  # frames that are read while another is worked on
@@ -73,7 +79,7 @@ def open_frames(source: str | Path | int) -> FrameSource:
         return ImageFolder(path)
     if path.exists():
         return VideoFile(path)
-    if str(source).isdecimal():
+    if str(source).isdecimal() and len(str(source)) < 4:
         return LiveCamera(int(str(source)))
     raise InputError(
         f"{path} does not exist: give a folder of images, a video, an address (rtsp://…, http://…) "
@@ -81,24 +87,52 @@ def open_frames(source: str | Path | int) -> FrameSource:
     )
 
 
+def image_size(path: Path) -> tuple[int, int]:
+    """Width and height of an image, of which no more than the header is read."""
+    with _opened(path) as opened:
+        return int(opened.size[0]), int(opened.size[1])
+
+
 def read_image(path: Path) -> Image:
     """One image as RGB (H, W, 3); grey becomes RGB, other depths 8 bits (`image_depth`).
 
     `InputError` if it is damaged or its numbers cannot be read.
     """
-    from PIL import Image as Pillow
     from PIL import ImageOps
 
+    with _opened(path) as opened:
+        deep = is_deep(opened)
+        return deep_rgb(path) if deep else to_rgb8(ImageOps.exif_transpose(opened), path)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """An image file, opened by Pillow; whatever goes wrong with it is an `InputError`."""
+    from PIL import Image as Pillow
+
+    Pillow.init()
+    formats = [name for name in IMAGE_FORMATS if name in Pillow.OPEN]
     try:
-        with Pillow.open(path) as opened:
-            deep = is_deep(opened)
-            return deep_rgb(path) if deep else to_rgb8(ImageOps.exif_transpose(opened), path)
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist.") from None
+        if path.exists() and not path.is_file():  # a pipe would never end
+            raise InputError(f"{path} is not a regular file.")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Pillow.DecompressionBombWarning)  # checked below
+            image = Pillow.open(path, formats=formats)
+        with image as opened:
+            count, content = opened.size[0] * opened.size[1], path.stat().st_size
+            if count > FREE_PIXELS and count > PIXELS_PER_BYTE * content:
+                raise InputError(
+                    f"{path} says {opened.size[0]}×{opened.size[1]} pixels but has only {content} "
+                    "bytes; it is damaged or made to fill the memory."
+                )
+            yield opened
     except InputError:
         raise
-    except (OSError, ValueError, SyntaxError, Pillow.DecompressionBombError) as error:
-        raise InputError(f"{path} is not a readable image: {error}.") from error
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist.") from None
+    except Exception as error:  # Pillow's readers raise what they stumble upon
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        raise InputError(f"{path} is not a readable image: {reason}.") from error
 
 
 class ImageList:
@@ -256,7 +290,9 @@ class VideoFile:
         import av
 
         try:
-            return av.open(str(self.path))
+            if not self.path.is_file():  # a pipe would never end
+                raise InputError(f"{self.path} is not a regular file.")
+            return av.open(str(self.path), metadata_errors="replace")
         except (av.error.FFmpegError, OSError) as error:
             raise InputError(
                 f"{self.path} is not a video that can be opened ({error.strerror}); a video that "

@@ -19,14 +19,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import file_name
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..io import replacing, replacing_folder
+from ..io import read_text, replacing, replacing_folder
+from .mat_file import read_mat
 from .mesh_writers import write_obj
 from .sequences import Sequence
-from .video import Image
+from .video import Image, image_size
 
 OBJECTS = (
     "002_master_chef_can", "003_cracker_box", "004_sugar_box", "005_tomato_soup_can",
@@ -83,10 +85,10 @@ def read_keyframes(path: Path) -> dict[int, list[int]]:
     places = [path / "keyframe.txt", path / "image_sets" / "keyframe.txt"]
     file = next((place for place in places if place.is_file()), None)
     found: dict[int, list[int]] = {}
-    for line in file.read_text(encoding="utf-8").split() if file is not None else ():
+    for line in read_text(file).split() if file is not None else ():
         scene, _, image = line.partition("/")
-        if not (scene.isdecimal() and image.isdecimal()):
-            raise InputError(f"{file}: {line!r} is no line like 0048/000001.")
+        if not (scene.isdecimal() and image.isdecimal() and len(scene) < 10 and len(image) < 10):
+            raise InputError(f"{file}: {line[:40]!r} is no line like 0048/000001.")
         found.setdefault(int(scene), []).append(int(image))
     return found
 
@@ -94,7 +96,9 @@ def read_keyframes(path: Path) -> dict[int, list[int]]:
 def object_names(path: Path) -> tuple[str, ...]:
     """Names of the classes 1, 2, …: image_sets/classes.txt, or the 21 published ones."""
     file = path / "image_sets" / "classes.txt"
-    return tuple(file.read_text(encoding="utf-8").split()) if file.is_file() else OBJECTS
+    if not file.is_file():
+        return OBJECTS
+    return tuple(file_name(name, str(file)) for name in read_text(file).split())
 
 
 def read_meta(path: Path) -> dict[int, NDArray[np.float64]]:
@@ -163,6 +167,9 @@ def _read_scene(
     if not images:
         raise InputError(f"{folder} holds no image; looked for 000001-color.png.")
     found: dict[int, dict[int, NDArray[np.float64]]] = {}
+    odd = next((image for image in images if not image.name[:6].isdecimal()), None)
+    if odd is not None:
+        raise InputError(f"{odd}: images are called 000001-color.png, with six digits.")
     place = {int(image.name[:6]): index for index, image in enumerate(images)}
     for index, image in enumerate(images):
         meta = image.with_name(f"{image.name[:6]}-meta.mat")
@@ -203,10 +210,7 @@ def _read_scene(
 
 def _camera(image: Path, scene: int) -> Camera:
     """Of the first image: as its meta.mat says, else by the number of the scene."""
-    from PIL import Image as Pillow
-
-    with Pillow.open(image) as opened:
-        width, height = opened.size
+    width, height = image_size(image)
     meta = image.with_name(f"{image.name[:6]}-meta.mat")
     k = np.asarray(_load(meta, META[2:]).get(META[2], ()), np.float64) if meta.is_file() else None
     if k is None or k.shape != (3, 3):
@@ -215,13 +219,7 @@ def _camera(image: Path, scene: int) -> Camera:
 
 
 def _load(path: Path, variables: tuple[str, ...]) -> dict[str, Any]:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    try:
-        content: dict[str, Any] = loadmat(path, variable_names=variables)
-    except (MatReadError, OSError, ValueError, TypeError, NotImplementedError) as error:
-        raise InputError(f"{path} is not a readable MAT file: {error}.") from error
+    content: dict[str, Any] = read_mat(path, variables)
     missing = [name for name in variables if name not in content and name != META[2]]
     if missing:
         raise InputError(f"{path} has no variable {' and '.join(missing)}.")

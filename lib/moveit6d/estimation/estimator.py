@@ -39,6 +39,20 @@ class PoseEstimator:
         config: every other setting.
         threads: CPU threads of torch and OpenCV while it computes; the caller's if None. More than
             one gain little and lose much beside other busy processes.
+
+    Example:
+        >>> import numpy as np
+        >>> from moveit6d import Camera, Mesh, OraclePolicy, Pose, PoseEstimator
+        >>> corners = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
+        >>> mesh = Mesh.from_arrays("corner", corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        >>> camera = Camera(300, 300, 159.5, 119.5, 320, 240)
+        >>> image = np.zeros((240, 320, 3), np.uint8)
+        >>> truth = Pose.from_rvec([0, 0, 0], [0.01, 0, 0.5])
+        >>> start = Pose.from_rvec([0, 0, 0], [0, 0, 0.5])
+        >>> policy = OraclePolicy(Pose.stack([mesh.inner(truth)]))  # knows the answer
+        >>> result = PoseEstimator(mesh, camera, policy=policy).refine(image, start)
+        >>> result.stopped_by.value, result.confidence
+        ('stop_action', 1.0)
     """
 
     def __init__(

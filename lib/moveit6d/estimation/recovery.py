@@ -41,6 +41,11 @@ class Supervisor:
         """Whether the object is looked for instead of followed."""
         return self.detector is not None and self.machine.state is TrackingState.LOST
 
+    def tell(self, state: str) -> None:
+        """Go on from the state of an earlier frame, which `TrackingState` knows by this name."""
+        self.machine.state = TrackingState(state)
+        self._near = self._near or self.machine.state is TrackingState.TRACKING
+
     def judged(self, result: TrackingResult, agreement: float) -> TrackingResult:
         """The result of following with its state; without its pose if the object is lost now."""
         if result.pose is None:

@@ -16,9 +16,10 @@ from torch import Tensor
 from ..actions import PoseAction, pose_delta
 from ..config import ActionMode, LoopConfig
 from ..geometry.pose import Pose
+from ..geometry.visibility import why_unseen
 from .localizability import localizability
 from .results import Refined, Start, StopReason
-from .visibility import out_of_sight, start_problem
+from .visibility import start_problem
 
 
 class Trajectory:
@@ -42,7 +43,7 @@ class Trajectory:
         self.error = "an update led to numbers that are not finite"
         if torch.isfinite(centred.translation).all():
             mesh, camera = self.start.mesh, self.start.frame.camera
-            self.error = out_of_sight(centred.translation, mesh.sphere_diameter, camera) or ""
+            self.error = why_unseen(centred, mesh, camera) or ""
         if self.error:
             return StopReason.FAILED
         first = self._revisited(centred, diameter)

@@ -45,10 +45,11 @@ FEWEST, MOST = 3, 40
 class SeedField:
     """What one iteration at every seed of a grid said; rows × columns = h × w.
 
-    `centres` (h, w, 2) are the seeds' pixels; `vectors` (h, w, 2) the moves in the image, of length
-    1 for one seeded pose and their mean for several; `smooth` (h, w, 2) the field after smoothing;
-    `sink` (h, w) is −∇·V of the smooth field times `size`, a pure number; `confidence` (h, w) is
-    the policy's at each seed; `size` the width in pixels of the object's sphere as seeded.
+    `centres` (h, w, 2) are the seeds' pixels; `vectors` (h, w, 2) the predicted shifts in the
+    image, of length 1 for one seeded pose and their mean for several; `smooth` (h, w, 2) the field
+    after smoothing; `sink` (h, w) is −∇·V of the smooth field times `size`, a pure number;
+    `confidence` (h, w) is the policy's at each seed; `size` the width in pixels of the object's
+    sphere as seeded.
     """
 
     centres: Tensor
@@ -218,7 +219,7 @@ def spacing(centres: Tensor) -> float:
 
 
 def _in_image(moves: Tensor, view: View, camera: Camera) -> Tensor:
-    """Unit vectors (B, 2) in the image for moves (B, 2) in the patches; zero stays zero."""
+    """Unit vectors (B, 2) in the image for shifts (B, 2) in the crops; zero stays zero."""
     back = patch_to_image(view, camera.matrix.expand(len(moves), 3, 3))
     middle = view.intrinsics[:, :2, 2]
     start = _mapped(back, middle)

@@ -62,6 +62,22 @@ class PoseTracker(Generic[Results]):
     object has no pose (`TrackingResult.state`); it is looked for, and followed again from where it
     is found. A policy without descriptors, or of single actions, cannot look for objects: its poses
     are given as they are, lost or not.
+
+    Example:
+        >>> import numpy as np
+        >>> from moveit6d import Camera, Mesh, OraclePolicy, Pose, PoseTracker
+        >>> corners = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
+        >>> mesh = Mesh.from_arrays("corner", corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        >>> camera = Camera(300, 300, 159.5, 119.5, 320, 240)
+        >>> image = np.zeros((240, 320, 3), np.uint8)
+        >>> truth = Pose.from_rvec([0, 0, 0], [0.01, 0, 0.5])
+        >>> start = Pose.from_rvec([0, 0, 0], [0, 0, 0.5])
+        >>> policy = OraclePolicy(Pose.stack([mesh.inner(truth)]))  # knows the answer
+        >>> tracker = PoseTracker(mesh, camera, start, policy=policy)
+        >>> for _ in range(3):
+        ...     result = tracker.update(image)
+        >>> bool((result.pose.translation - truth.translation).norm() < 0.002)
+        True
     """
 
     @overload

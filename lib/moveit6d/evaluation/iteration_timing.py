@@ -24,7 +24,7 @@ from ..geometry.rotation import exp_so3
 from ..observation import assemble
 from ..policies import LoopState, Policy, to_action
 from ..rendering.renderer import Renderer
-from .default_camera import CAMERA
+from ..synthesis.default_camera import CAMERA
 
 ONCE = LoopConfig(max_iterations=1)
 PARTS = ("crop", "render", "observe", "network", "move")

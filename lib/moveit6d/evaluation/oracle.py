@@ -18,8 +18,8 @@ from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
 from ..policies import OraclePolicy
 from ..rendering.renderer import Renderer
+from ..synthesis.default_camera import CAMERA
 from ..synthesis.training.clusters import ClusterConfig, draw_delta
-from .default_camera import CAMERA
 
 LOOP = LoopConfig(max_iterations=200)  # the largest start is 135 single steps away
 BATCH = 25

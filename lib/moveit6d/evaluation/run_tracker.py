@@ -43,14 +43,19 @@ class TrackedFrame:
 
     @property
     def confident(self) -> bool:
-        """Whether there is a pose that the tracker itself believes."""
-        return self.row.pose is not None and (self.row.confidence or 0.0) >= LOW_CONFIDENCE
+        """Whether there is a pose whose confidence is not low."""
+        return is_confident(self.row)
+
+
+def is_confident(row: PoseRow) -> bool:
+    """Whether a row has a pose whose confidence is not low."""
+    return row.pose is not None and (row.confidence or 0.0) >= LOW_CONFIDENCE
 
 
 def calibrating(tracker: AnyTracker, frames: Iterable[VideoFrame]) -> Iterator[VideoFrame]:
-    """The frames, from the first of which the tracker learns: its start pose is exact there.
+    """The frames; the tracker calibrates from the first, in which its start pose is exact.
 
-    A first frame that it cannot learn from is passed on like the others, for `follow` to say why.
+    A first frame that cannot serve is passed on like the others, for `run_tracker` to say why.
     """
     for number, frame in enumerate(frames):
         if number == 0 and frame.image is not None:
@@ -62,7 +67,7 @@ def calibrating(tracker: AnyTracker, frames: Iterable[VideoFrame]) -> Iterator[V
 def run_tracker(
     tracker: AnyTracker, frames: Iterable[VideoFrame], names: Sequence[str] = ("",)
 ) -> Iterator[TrackedFrame]:
-    """One step a frame, in order. A bad frame gives a row without a pose; the track goes on.
+    """The results of each frame, in order. A bad frame gives rows without a pose; all goes on.
 
     `names` are those of the tracker's objects.
     """
@@ -117,17 +122,20 @@ class TrackSummary:
 
     def add(self, step: TrackedFrame) -> None:
         """Take note of one more frame."""
+        if step.error is not None and len(self.failures) < KEPT_FAILURES:
+            self.failures.append({"frame": step.frame.index, "error": step.error})
+        self.add_row(step.row)
+
+    def add_row(self, row: PoseRow) -> None:
+        """Take note of one more frame of which only the row is known."""
         self.frames += 1
-        self._add_state(step.row.state, step.frame.index)
-        if step.error is not None:
-            self.failed += 1
-            if len(self.failures) < KEPT_FAILURES:
-                self.failures.append({"frame": step.frame.index, "error": step.error})
-        if step.row.milliseconds is not None:
-            self.milliseconds.append(step.row.milliseconds)
-        self._low_confidence_run = 0 if step.confident else self._low_confidence_run + 1
+        self._add_state(row.state, row.frame)
+        self.failed += row.pose is None
+        if row.milliseconds is not None:
+            self.milliseconds.append(row.milliseconds)
+        self._low_confidence_run = 0 if is_confident(row) else self._low_confidence_run + 1
         if self._low_confidence_run == LOST_RUN and self.lost_from is None:
-            self.lost_from = step.frame.index - LOST_RUN + 1
+            self.lost_from = row.frame - LOST_RUN + 1
 
     def _add_state(self, state: str, frame: int) -> None:
         """Count the state, and lengthen the event that it belongs to or begin one."""

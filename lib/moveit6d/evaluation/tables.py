@@ -9,7 +9,14 @@ from collections.abc import Sequence
 
 
 def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table, aligned so that it also reads as plain text."""
+    """A Markdown table, aligned so that it also reads as plain text.
+
+    Examples:
+        >>> print(markdown(["object", "ADD"], [["cup", "99 %"]]))
+        | object |  ADD |
+        | ------ | ---- |
+        | cup    | 99 % |
+    """
     widths = _widths(head, rows)
     lines = [_line(head, widths, " | "), _line(["-" * width for width in widths], widths, " | ")]
     lines += [_line(row, widths, " | ") for row in rows]
@@ -23,7 +30,12 @@ def plain(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def percent(share: float) -> str:
-    """A share of 1 as percent with one digit."""
+    """A share of 1 as percent with one digit.
+
+    Examples:
+        >>> percent(0.1234)
+        '12.3 %'
+    """
     return f"{100 * share:.1f} %"
 
 

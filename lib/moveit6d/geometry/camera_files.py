@@ -13,6 +13,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from ..errors import InputError
+from ..io import read_text
 from .camera import Camera
 from .camera_keys import camera_of
 
@@ -46,18 +47,9 @@ def read_camera_file(path: Path) -> Camera:
 
 
 def _text(path: Path) -> str:
-    try:
-        if path.is_file() and (size := path.stat().st_size) > LARGEST:
-            raise InputError(f"{path} is too large for a camera file ({size} bytes).")
-        if path.exists() and not path.is_file():
-            raise InputError(f"{path} is not a file; a camera file was to be read.")
-        return path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist.") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not a text file: {error}.") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
+    if path.is_file() and (size := path.stat().st_size) > LARGEST:
+        raise InputError(f"{path} is too large for a camera file ({size} bytes).")
+    return read_text(path)
 
 
 def _json(text: str, path: Path) -> Any:

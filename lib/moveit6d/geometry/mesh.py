@@ -6,6 +6,7 @@ Never renders.
 from __future__ import annotations
 
 import itertools
+import logging
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -19,13 +20,17 @@ from torch import Tensor
 
 from ..errors import InputError
 from .camera import Camera
+from .hull import convex_hull
+from .mesh_files import read_mesh_file
+from .mesh_files.join import PLAIN
 from .normals import smooth_normals
 from .pose import Pose
-from .surface import PLAIN, read_surface
 from .symmetry import Symmetries
 from .symmetry_file import symmetries_beside
 
-METRES = {"m": 1.0, "mm": 1e-3}
+Unit = Literal["m", "cm", "mm", "in"]
+METRES: dict[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
+LOG = logging.getLogger("moveit6d")
 SIZES = (0.005, 20.0)  # metres: smaller or larger objects are unit mistakes
 
 
@@ -53,14 +58,23 @@ class Mesh:
 
     @staticmethod
     def load(
-        path: str | Path, unit: Literal["m", "mm"] = "m", symmetries: Symmetries | None = None
+        path: str | Path,
+        unit: Unit = "m",
+        symmetries: Symmetries | None = None,
+        allow_untextured: bool = False,
+        allow_flat: bool = False,
     ) -> Mesh:
-        """Read OBJ, PLY, GLB/glTF or STL; `unit` is what one unit of the file's numbers means.
+        """Read OBJ, PLY, GLB/glTF, Collada, STL or OFF; `unit` is what the file's numbers mean.
 
         Symmetries that are not given are those declared in a file beside it (`symmetry_file`).
+        `InputError` if the file names a picture, material or colour that cannot be shown, or is of
+        one flat colour although it names some; with `allow_untextured` that is logged as a warning,
+        with `allow_flat` (for data sets, whose files mean what they say) only the flat colour is.
         """
         path = Path(path)
-        surface = read_surface(path)
+        surface, content = read_mesh_file(path, allow_untextured, allow_flat)
+        for warning in content.warnings:
+            LOG.warning("%s: %s", path, warning)
         return Mesh.from_arrays(
             str(path),
             surface.vertices,
@@ -81,13 +95,19 @@ class Mesh:
         uv: Any = None,
         texture: Any = None,
         vertex_colors: Any = None,
-        unit: Literal["m", "mm"] = "m",
+        unit: Unit = "m",
         symmetries: Symmetries | None = None,
     ) -> Mesh:
         """From vertices (V, 3) in `unit` and faces (F, 3), with their colours.
 
         Those are uv (V, 2) and a texture (H, W, 3) uint8, or vertex_colors (V, 3) uint8, or
         neither (plain grey). `InputError` where something cannot be right.
+
+        >>> corners = [[0, 0, 0], [100, 0, 0], [0, 100, 0], [0, 0, 100]]
+        >>> faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+        >>> mesh = Mesh.from_arrays("corner", corners, faces, unit="mm")
+        >>> round(mesh.diameter, 4)
+        0.1414
         """
         if unit not in METRES:
             raise InputError(f"{name}: the unit is {unit!r}, must be one of {', '.join(METRES)}.")
@@ -123,9 +143,9 @@ class Mesh:
 
     @property
     def has_colours(self) -> bool:
-        """Whether the surface has a texture or colours, not just the plain grey of a CAD file."""
-        colours = self.vertex_colors
-        return colours is None or bool((colours != np.array(PLAIN, np.uint8)).any())
+        """Whether the surface has a texture or colours, not just one flat colour as CAD files."""
+        colours = self.vertex_colors if self.texture is None else self.texture.reshape(-1, 3)
+        return colours is not None and bool((colours != colours[:1]).any())
 
     def textured_from(self, image: NDArray[np.uint8], pose: Pose, camera: Camera) -> Mesh:
         """This mesh painted with what an image shows of it, for a mesh without colours.
@@ -197,16 +217,6 @@ def largest_distance(points: NDArray[np.float64]) -> float:
     return math.sqrt(max(largest, 0.0))
 
 
-def convex_hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Those of the points (N, 3) that span their convex hull; all of them where they are flat."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        return np.asarray(points[ConvexHull(points).vertices])
-    except (QhullError, ValueError):  # flat or tiny: every point counts
-        return np.unique(points, axis=0)
-
-
 def _sphere_of_few(
     points: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
@@ -238,6 +248,13 @@ def _checked(name: str, vertices: Any, faces: Any) -> tuple[NDArray[Any], NDArra
     bad = ~np.isfinite(points).all(axis=1)
     if bad.any():
         raise InputError(f"{name}: {int(bad.sum())} vertices are not finite numbers.")
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    with np.errstate(over="ignore", invalid="ignore"):
+        area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+        size = float(np.ptp(points[np.unique(triangles)], axis=0).max())
+        visible = area > 1e-9 * size * size
+    if not visible and size > 0:
+        raise InputError(f"{name}: its faces have no area, so that nothing of it can be seen.")
     return points, triangles
 
 
@@ -281,7 +298,7 @@ def _check_size(name: str, diameter: float, unit: str) -> None:
         return
     found = f"{name}: with unit {unit!r} the object is {diameter:.3g} m across"
     raw = diameter / METRES[unit]
-    for other, metres in METRES.items():
-        if low <= raw * metres <= high:
-            raise InputError(f"{found}: the file looks like unit {other!r}, state that one.")
+    fitting = [repr(other) for other, metres in METRES.items() if low <= raw * metres <= high]
+    if fitting:
+        raise InputError(f"{found}: the file looks like unit {' or '.join(fitting)}, state that.")
     raise InputError(f"{found}, outside of {low} m to {high} m; scale the mesh to metres.")

@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..checks import shown
 from ..errors import InputError
 from ..io import read_json, write_json
 from .rotation import exp_so3, from_quaternion, log_so3, nearest_rotation, to_quaternion
@@ -252,8 +253,8 @@ def _numbers(values: Any, where: str, name: str) -> Tensor:
         return values.detach().to("cpu", torch.float64)
     try:
         return torch.from_numpy(np.array(values, dtype=np.float64))
-    except (TypeError, ValueError):
-        raise InputError(f"{where}: the {name} must be numbers, found {values!r}.") from None
+    except (TypeError, ValueError, OverflowError, RecursionError):
+        raise InputError(f"{where}: the {name} must be numbers, found {shown(values)}.") from None
 
 
 def in_metres(pose: Pose, where: str) -> Pose:

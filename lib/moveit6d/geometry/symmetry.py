@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import entry, listed, mapping, numbers
 from ..errors import InputError
 
 # BOP cuts a full turn into ceil(pi / 0.01) rotations.
@@ -63,10 +64,11 @@ class Symmetries:
     @staticmethod
     def from_bop(info: Mapping[str, Any]) -> Symmetries:
         """From one object's entry of BOP's models_info.json (millimetres there, metres here)."""
-        matrices = [_matrix_from_bop(flat) for flat in info.get("symmetries_discrete", ())]
+        discrete = listed(info.get("symmetries_discrete") or (), "symmetries_discrete")
+        continuous = listed(info.get("symmetries_continuous") or (), "symmetries_continuous")
         return Symmetries(
-            np.array(matrices).reshape(-1, 4, 4),
-            tuple(_axis_from_bop(entry) for entry in info.get("symmetries_continuous", ())),
+            np.array([_matrix_from_bop(flat) for flat in discrete]).reshape(-1, 4, 4),
+            tuple(_axis_from_bop(one) for one in continuous),
         )
 
     @property
@@ -99,20 +101,23 @@ class Symmetries:
 
 
 def _matrix_from_bop(flat: Any) -> NDArray[np.float64]:
-    values = np.asarray(flat, np.float64)
-    if values.size != 16:
-        raise InputError(f"models_info: a discrete symmetry has {values.size} numbers, not 16.")
-    matrix = values.reshape(4, 4).copy()
+    rows = listed(flat, "symmetries_discrete: a symmetry")
+    if rows and isinstance(rows[0], list | tuple):  # four rows instead of one line
+        rows = [value for row in rows for value in listed(row, "symmetries_discrete: a row")]
+    values = numbers(rows, 16, "symmetries_discrete: a symmetry")
+    matrix = np.array(values).reshape(4, 4)
     matrix[:3, 3] *= 1e-3
     return matrix
 
 
-def _axis_from_bop(entry: Mapping[str, Any]) -> ContinuousSymmetry:
-    axis = np.asarray(entry["axis"], np.float64)
-    offset = np.asarray(entry.get("offset", (0, 0, 0)), np.float64)
+def _axis_from_bop(content: Any) -> ContinuousSymmetry:
+    where = "symmetries_continuous: a symmetry"
+    declared = mapping(content, where)
+    axis = np.array(numbers(entry(declared, "axis", where), 3, f"{where}'s axis"))
+    offset = np.array(numbers(declared.get("offset") or (0, 0, 0), 3, f"{where}'s offset"))
     length = float(np.linalg.norm(axis))
-    if axis.shape != (3,) or offset.shape != (3,) or not (length > 0 and np.isfinite(length)):
-        raise InputError(f"models_info: a continuous symmetry needs an axis and an offset: {entry}")
+    if not 0 < length < math.inf:
+        raise InputError(f"{where}'s axis has no direction: {axis.tolist()}.")
     return ContinuousSymmetry(axis / length, offset * 1e-3)
 
 

@@ -7,12 +7,13 @@ in a `models_info.json` of the same folder too.
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Any
 
+from ..checks import mapping
 from ..errors import InputError
+from ..io import read_json
 from .symmetry import Symmetries
 
 KEYS = ("symmetries_discrete", "symmetries_continuous")
@@ -22,24 +23,22 @@ def symmetries_beside(mesh: Path) -> Symmetries:
     """The symmetries declared beside a mesh file, in its frame; none where nothing is declared."""
     own = mesh.with_suffix(".symmetry.json")
     if own.is_file():
-        info = _object(own)
+        info = read_json(own)
         if not any(key in info for key in KEYS):
             raise InputError(
                 f"{own} has neither {KEYS[0]} nor {KEYS[1]}; see docs/how-to/own-object.md."
             )
-        return Symmetries.from_bop(info)
+        return _declared(info, own)
     number = re.fullmatch(r"obj_(\d+)", mesh.stem)
     whole = mesh.with_name("models_info.json")
     if number and whole.is_file():
-        return Symmetries.from_bop(_object(whole).get(str(int(number[1])), {}))
+        info = read_json(whole).get(str(int(number[1]))) or {}
+        return _declared(mapping(info, f"{whole}: object {int(number[1])}"), whole)
     return Symmetries()
 
 
-def _object(path: Path) -> dict[str, Any]:
+def _declared(info: dict[str, Any], path: Path) -> Symmetries:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read as JSON: {error}.") from error
-    if not isinstance(content, dict):
-        raise InputError(f"{path} must hold one JSON object in braces.")
-    return content
+        return Symmetries.from_bop(info)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error

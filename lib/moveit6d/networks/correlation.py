@@ -1,6 +1,6 @@
 """The correlation network: match observation and rendering, solve for the whole pose delta.
 
-Never renders and never applies a move. docs/method.md: one encoder for both pictures, local
+Never renders and never applies a pose delta. docs/method.md: one encoder for both pictures, local
 correlation at stride 8 and again at stride 4 around the first answers, displacement, visibility and
 weight a cell, a differentiable least squares, and a head with a correction, the 13 action logits
 and the confidence.

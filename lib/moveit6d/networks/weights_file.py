@@ -11,17 +11,19 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
+from ..checks import DAMAGE
 from ..errors import WeightsError
 from ..geometry.crop import Crop
 from .kinds import KINDS, PoseNet
 
 FORMAT = "moveit6d-1"
+MOST_OF_A_SIZE = 4096  # channels or blocks that a network may have
 WEIGHTS_NAME = "weights.safetensors"  # what a fit calls the file in its folder
 
 
@@ -73,23 +75,41 @@ def load_network(path: Path) -> LoadedNetwork:
         )
     network_class, config_class = KINDS[header["kind"]]
     try:
-        values = json.loads(header["config"])
-        config = config_class(
-            **{name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
-        )
-        if config.crop not in get_args(Crop):
-            raise ValueError(f"unknown crop {config.crop!r}")
+        config = _config(header, config_class, sum(value.numel() for value in tensors.values()))
         network = network_class(config)
         network.load_state_dict(tensors)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+    except (*DAMAGE, RuntimeError, MemoryError) as error:
+        reason = " ".join(str(error).split())[:160] or type(error).__name__
         raise WeightsError(
-            f"Weights file {path} does not fit the network that its header names: {error}"
+            f"Weights file {path} does not fit the network that its header names: {reason}"
         ) from None
     if not all(torch.isfinite(value).all() for value in tensors.values()):
         raise WeightsError(f"Weights file {path} holds numbers that are not finite.")
     facts = {k: v for k, v in header.items() if k not in ("format", "config")}
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     return LoadedNetwork(network.eval(), facts, digest)
+
+
+def _config(header: dict[str, str], config_class: type[Any], count: int) -> Any:
+    """The sizes in a header; a `ValueError` where they are more than the file's numbers can fill.
+
+    Looked at before the network is made: a header of a few bytes can ask for all of the memory.
+    """
+    values = json.loads(header["config"])
+    if not isinstance(values, dict):
+        raise ValueError("its config is no object")
+    for name, value in values.items():
+        for one in value if isinstance(value, list) else [value]:
+            if isinstance(one, bool | str):
+                continue
+            if not isinstance(one, int | float) or not 0 <= one <= min(count, MOST_OF_A_SIZE):
+                raise ValueError(f"its {name} is {str(value)[:40]}")
+    config = config_class(
+        **{name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
+    )
+    if config.crop not in get_args(Crop):
+        raise ValueError(f"unknown crop {config.crop!r}")
+    return config
 
 
 def begin_from(network: PoseNet, path: Path) -> None:

@@ -19,7 +19,11 @@ NAMES = tuple(BACKENDS)
 
 
 def make_renderer(name: str = "embree") -> Renderer:
-    """The back end of that name; `RenderingUnavailable` says what it lacks on this machine."""
+    """The back end of that name; `RenderingUnavailable` says what it lacks on this machine.
+
+    >>> make_renderer("embree").name
+    'embree'
+    """
     if name not in BACKENDS:
         raise InputError(f"There is no renderer {name!r}; choose one of {', '.join(NAMES)}.")
     module, kind = BACKENDS[name]

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..errors import RenderingUnavailable
-from ..geometry.mesh import Mesh, convex_hull
+from ..geometry.hull import enclosing_corners
+from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..typing import Float32
 from .attributes import Attributes, pixel_rays
@@ -82,7 +83,7 @@ def render_arrays(
 
 
 class _Tree:
-    """Embree's search tree of a mesh, and the corners of its convex hull."""
+    """Embree's search tree of a mesh, and the corners of a convex body around it."""
 
     def __init__(self, mesh: Mesh) -> None:
         from embreex.mesh_construction import TriangleMesh
@@ -91,7 +92,7 @@ class _Tree:
         self._embree = EmbreeScene()
         self._triangles = TriangleMesh(self._embree, mesh.vertices, mesh.faces)
         self._reach = 0.505 * mesh.sphere_diameter
-        self.hull = convex_hull(mesh.vertices.astype(np.float64))
+        self.hull = enclosing_corners(mesh.vertices.astype(np.float64))
 
     @staticmethod
     def of(mesh: Mesh) -> _Tree:

@@ -1,6 +1,6 @@
 """Draws poses on frames: the outline of the object and the axes of its frame.
 
-Never moves a pose. The outline comes from a rendered mask, so it is what the tracker believes, and
+Never moves a pose. The contour comes from a rendered mask, so it is that of the estimate, and
 it is drawn on the frame as it was taken, lens distortion included.
 """
 

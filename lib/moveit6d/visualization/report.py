@@ -160,7 +160,7 @@ def _pictures(
         if frame.index in way:
             whole[frame.index] = _picture(run, frame.index, frame.image, renderer)
         if frame.index in bad:
-            close[frame.index] = _picture(run, frame.index, frame.image, renderer, closely=True)
+            close[frame.index] = _picture(run, frame.index, frame.image, renderer, near_view=True)
     # Frames that the video does not give again are black.
     whole |= {frame: _picture(run, frame, None, renderer) for frame in way - set(whole)}
     close |= {frame: _picture(run, frame, None, renderer) for frame in bad - set(close)}
@@ -168,12 +168,12 @@ def _pictures(
 
 
 def _picture(
-    run: Run, frame: int, image: Any, renderer: Renderer, closely: bool = False
+    run: Run, frame: int, image: Any, renderer: Renderer, near_view: bool = False
 ) -> dict[str, Any]:
-    truth = run.truth.get(frame) if closely else None
+    truth = run.truth.get(frame) if near_view else None
     look = Look(run.rows[frame], run.confident(frame), truth)
     drawn = draw(image, look, run.mesh, run.camera, renderer)
-    if closely and image is not None:
+    if near_view and image is not None:
         drawn = near(drawn, look, run.mesh, run.camera)
     return {
         "frame": frame,
@@ -224,7 +224,7 @@ def _key(run: Run) -> str:
 
 def _near_key(run: Run) -> str:
     if run.errors:
-        return "Found in green (red: doubted by the tracker itself), true outline in white."
+        return "Estimate in green (red: low confidence), true contour in white."
     return "By confidence, as nobody knows the true poses; red where it is low."
 
 

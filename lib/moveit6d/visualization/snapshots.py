@@ -39,7 +39,12 @@ class Look:
 
 
 def evenly(frames: Sequence[int], count: int) -> list[int]:
-    """Up to `count` of the frames, evenly spread, the first and the last among them."""
+    """Up to `count` of the frames, evenly spread, the first and the last among them.
+
+    Examples:
+        >>> evenly(range(100), 3)
+        [0, 50, 99]
+    """
     if len(frames) <= count:
         return list(frames)
     places = np.linspace(0, len(frames) - 1, count).round().astype(int)
@@ -52,6 +57,10 @@ def worst(badness: Mapping[int, float], count: int) -> list[int]:
     So a stretch where the object is lost shows its worst moment and leaves room for others: two
     frames are at least half of the even distance of `count` pictures apart. Of equally bad frames
     the earlier comes first.
+
+    Examples:
+        >>> worst({0: 0.1, 1: 0.9, 2: 0.8, 9: 0.5}, 2)
+        [1, 2]
     """
     apart = max(1, len(badness) // (2 * count))
     chosen: list[int] = []

@@ -61,18 +61,33 @@ def test_known_errors_in_diameters(dataset: MadeUp, brick: Mesh) -> None:
     targets = targets_of(rows, dataset)
     assert targets == [(7, 2, 1), (7, 1, 2), (7, 1, 1)]
     found = score_results(dataset, rows, targets)
-    assert found.errors.tolist() == pytest.approx([0.04, 0, 0.5], abs=1e-6)
-    assert found.objects.tolist() == [1, 2, 1] and found.scores.tolist() == [0.2, 0.9, 0.5]
-    assert found.below(0.1) == pytest.approx(2 / 3) and found.below(0.1, 1) == 0.5
-    assert found.auroc == 0.5 and found.median == pytest.approx(0.04)
+    # The first instance of object 1 in image 1 has no estimate of its own.
+    assert found.errors.tolist() == pytest.approx([0.04, 0, math.inf, 0.5], abs=1e-6)
+    assert found.objects.tolist() == [1, 2, 1, 1]
+    assert found.scores.tolist() == [0.2, 0.9, 0, 0.5]
+    assert found.below(0.1) == 0.5 and found.below(0.1, 1) == pytest.approx(1 / 3)
+    assert found.median == pytest.approx(0.27)
 
 
 def test_a_missing_target_is_wrong(dataset: MadeUp) -> None:
     rows = [Estimate(7, 1, 1, 1.0, at(0)), Estimate(7, 2, 1, 1.0, at(0))]
     targets = targets_of(rows, dataset)
     found = score_results(dataset, rows[:1], targets)
-    assert found.errors.tolist()[1] == math.inf and found.scores.tolist() == [1.0, 0.0]
-    assert found.below(0.1) == 0.5
+    assert found.errors.tolist() == [0, math.inf, math.inf]
+    assert found.scores.tolist() == [1.0, 0.0, 0.0]
+    assert found.below(0.1) == pytest.approx(1 / 3)
+
+
+def test_every_instance_is_a_target_and_is_found_once(dataset: MadeUp) -> None:
+    both = [Estimate(7, 1, 1, 0.9, at(0)), Estimate(7, 1, 1, 0.8, at(0.4))]
+    targets = targets_of(both, dataset)
+    assert score_results(dataset, both, targets).below(0.1) == 1
+    assert score_results(dataset, both[:1], targets).below(0.1) == 0.5
+    twice = [both[0], replace(both[0], score=0.7)]
+    assert score_results(dataset, twice, targets).below(0.1) == 0.5
+    # A third estimate, even a right one, is beyond the two that count.
+    late = [both[0], replace(both[0], score=0.7), replace(both[1], score=0.1)]
+    assert score_results(dataset, late, targets).below(0.1) == 0.5
 
 
 def test_results_for_other_objects_are_refused(dataset: MadeUp) -> None:

@@ -30,7 +30,7 @@ from ..refine import refine_starts
 from ..results import Refined, Start, TrackingResult
 from ..seed_detector import SeedDetection, SeedDetector
 from ..seeding import seed_poses
-from ..visibility import check_start, out_of_sight
+from ..visibility import check_start, start_problem
 from .judge import Evidence, similarities
 from .matching import Candidates, Matcher, Pyramid, ladder
 from .points import poses_from_points
@@ -272,7 +272,7 @@ class PoseDetector:
         return matcher.candidates(allowed)
 
     def _in_sight(self, centred: Pose, camera: Camera) -> bool:
-        return out_of_sight(centred.translation, self.mesh.sphere_diameter, camera) is None
+        return start_problem(centred, self.mesh, camera) is None
 
     def _poses(self, candidates: Candidates, camera: Camera) -> list[Pose]:
         """Centred poses of candidates that the camera can see."""

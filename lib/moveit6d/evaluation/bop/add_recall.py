@@ -1,6 +1,6 @@
 """Scores BOP result files by ADD(-S): the share of right poses before and after a refinement.
 
-Never refines. Every target counts: one that a file does not list is wrong.
+Never refines. Every true pose counts: one that no estimate of a file is for is wrong there.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from .. import metrics
 from ..tables import markdown, percent
+from .matching import best_scored, match
 
 MODEL_POINTS = 3000
 Target = tuple[int, int, int]  # scene, image, object
@@ -28,7 +29,7 @@ Target = tuple[int, int, int]  # scene, image, object
 class ResultScore:
     """Figures of one result file. Errors are ADD(-S) in diameters, infinite where nothing is given.
 
-    `errors`, `scores` and `objects` (N,) run over the targets in their order.
+    `errors`, `scores` and `objects` (N,) run over the true poses of the targets in their order.
     """
 
     errors: Tensor
@@ -63,21 +64,25 @@ def targets_of(estimates: Iterable[Estimate], dataset: BopDataset) -> list[Targe
 def score_results(
     dataset: BopDataset, estimates: Sequence[Estimate], targets: Sequence[Target]
 ) -> ResultScore:
-    """Errors of the best-scored estimate of every target.
+    """Errors of the estimates of every target, one a true pose.
 
-    Where an object occurs several times in an image, the true pose nearest to the estimate counts.
+    Where an object occurs several times in an image, as many estimates count as there are true
+    poses, best score first, and each takes the nearest true pose that is still free.
     """
-    best: dict[Target, Estimate] = {}
+    listed: dict[Target, list[Estimate]] = {}
     for estimate in estimates:
         key = (estimate.scene, estimate.image, estimate.object)
-        if key not in best or estimate.score > best[key].score:
-            best[key] = estimate
-    errors = [_error(dataset, target, best.get(target)) for target in targets]
-    scores = [best[target].score if target in best else 0.0 for target in targets]
+        listed.setdefault(key, []).append(estimate)
+    found = [
+        (error, score, target[2])
+        for target in targets
+        for error, score in _errors(dataset, target, listed.get(target, []))
+    ]
+    errors, scores, objects = zip(*found, strict=True)
     return ResultScore(
         torch.tensor(errors, dtype=torch.float64),
         torch.tensor(scores, dtype=torch.float64),
-        torch.tensor([target[2] for target in targets]),
+        torch.tensor(objects),
     )
 
 
@@ -112,13 +117,25 @@ def _true_poses(dataset: BopDataset, target: Target) -> list[Pose]:
     return [one.pose for one in dataset.truth(scene, image) if one.object == number]
 
 
-def _error(dataset: BopDataset, target: Target, estimate: Estimate | None) -> float:
-    if estimate is None:
-        return float("inf")
-    points, number = _points(dataset.mesh(target[2])), target[2]
-    symmetric = dataset.is_symmetric(number)
-    errors = [
-        float(metrics.add_s(estimate.pose, truth, points, symmetric))
-        for truth in _true_poses(dataset, target)
-    ]
-    return min(errors) / dataset.diameter(number)
+def _errors(
+    dataset: BopDataset, target: Target, estimates: Sequence[Estimate]
+) -> list[tuple[float, float]]:
+    """Error in diameters and score for each true pose of a target; infinite, 0 if none is left."""
+    truth, number = _true_poses(dataset, target), target[2]
+    found = [(float("inf"), 0.0)] * len(truth)
+    if not estimates:
+        return found
+    points, symmetric = _points(dataset.mesh(number)), dataset.is_symmetric(number)
+    diameter = dataset.diameter(number)
+    order = best_scored([estimate.score for estimate in estimates], len(truth))
+    table = torch.tensor(
+        [
+            [float(metrics.add_s(estimates[k].pose, pose, points, symmetric)) for pose in truth]
+            for k in order
+        ],
+        dtype=torch.float64,
+    )
+    for k, row, taken in zip(order, table, match(table, float("inf")), strict=True):
+        if taken is not None:
+            found[taken] = (float(row[taken]) / diameter, estimates[k].score)
+    return found

@@ -17,7 +17,8 @@ from torch import Tensor
 from ...datasets.bop import TARGETS, BopDataset, BopTarget, Estimate, Instance
 from ...errors import InputError
 from ...geometry.camera import Camera
-from ...geometry.mesh import Mesh, convex_hull
+from ...geometry.hull import convex_hull
+from ...geometry.mesh import Mesh
 from ...io import read_json
 from ...rendering.renderer import Renderer
 from .. import metrics

@@ -21,6 +21,11 @@ def match(errors: Tensor, limit: float) -> list[int | None]:
 
     Each takes the free one of least error, if that is strictly below the limit; a true pose is
     taken once. (bop_toolkit, pose_matching.match_poses.)
+
+    Examples:
+        >>> import torch
+        >>> match(torch.tensor([[0.2, 0.1], [0.1, 0.3]]), limit=0.5)
+        [1, 0]
     """
     free = torch.ones(errors.shape[1], dtype=torch.bool)
     taken: list[int | None] = []

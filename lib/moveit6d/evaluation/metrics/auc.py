@@ -19,6 +19,11 @@ def exact_auc(errors: Tensor, cap: float = CAP) -> float:
     """Mean of max(0, 1 - error / cap) over errors (N,): the exact area, in [0, 1].
 
     A missing pose has an infinite error (NaN counts the same).
+
+    Examples:
+        >>> import torch
+        >>> round(exact_auc(torch.tensor([0.0, 0.05, float("inf")])), 3)
+        0.5
     """
     known = _checked(errors)
     return float((1 - known / cap).clamp_min(0).mean())
@@ -31,6 +36,11 @@ def voc_auc(errors: Tensor, cap: float = CAP) -> float:
     share up to the cap; that is `exact_auc` plus the largest error not above the cap over cap · N.
     0 where nothing is below the cap, where the toolbox itself fails.
     (yuxng/YCB_Video_toolbox, plot_accuracy_keyframe.m.)
+
+    Examples:
+        >>> import torch
+        >>> round(voc_auc(torch.tensor([0.0, 0.05, float("inf")])), 3)
+        0.667
     """
     known = _checked(errors).sort().values
     kept = known[known <= cap]

@@ -31,7 +31,17 @@ OPENGL = (1.0, -1.0, -1.0)
 
 
 def add(estimate: Pose, truth: Pose, points: Tensor) -> Tensor:
-    """ADD: mean distance between points (N, 3) under two poses (...), metres: (...)."""
+    """ADD: mean distance between points (N, 3) under two poses (...), metres: (...).
+
+    Examples:
+        >>> import torch
+        >>> from moveit6d import Pose
+        >>> truth = Pose(torch.eye(3), torch.tensor([0.0, 0.0, 0.5]))
+        >>> estimate = Pose(torch.eye(3), torch.tensor([0.0, 0.003, 0.5]))
+        >>> points = torch.rand(100, 3)
+        >>> round(float(add(estimate, truth, points)), 6)
+        0.003
+    """
     points = points.to(truth.translation)
     turn = estimate.rotation - truth.rotation
     shift = estimate.translation - truth.translation
@@ -44,6 +54,15 @@ def adi(estimate: Pose, truth: Pose, points: Tensor) -> Tensor:
 
     For objects that look the same from several sides. The search goes from the truth to the
     estimate, as in BOP; the other way round gives slightly different numbers.
+
+    Examples:
+        >>> import torch
+        >>> from moveit6d import Pose
+        >>> truth = Pose(torch.eye(3), torch.tensor([0.0, 0.0, 0.5]))
+        >>> estimate = Pose(torch.eye(3), torch.tensor([0.0, 0.003, 0.5]))
+        >>> grid = torch.cartesian_prod(*[torch.arange(3) * 0.01] * 3)
+        >>> round(float(adi(estimate, truth, grid)), 6)
+        0.003
     """
     from scipy.spatial import cKDTree
 
@@ -61,13 +80,32 @@ def add_s(estimate: Pose, truth: Pose, points: Tensor, symmetric: bool) -> Tenso
 
 
 def translation_error(estimate: Pose, truth: Pose) -> Tensor:
-    """Distance of the two origins, metres: (...)."""
+    """Distance of the two origins, metres: (...).
+
+    Examples:
+        >>> import torch
+        >>> from moveit6d import Pose
+        >>> truth = Pose(torch.eye(3), torch.tensor([0.0, 0.0, 0.5]))
+        >>> estimate = Pose(torch.eye(3), torch.tensor([0.0, 0.003, 0.5]))
+        >>> round(float(translation_error(estimate, truth)), 6)
+        0.003
+    """
     distance: Tensor = (estimate.translation - truth.translation).norm(dim=-1)
     return distance
 
 
 def rotation_error(estimate: Pose, truth: Pose) -> Tensor:
-    """Angle between two rotations (...), degrees: (...). Exact also for tiny and for half turns."""
+    """Angle between two rotations (...), degrees: (...). Exact also for tiny and for half turns.
+
+    Examples:
+        >>> import torch
+        >>> from moveit6d import Pose
+        >>> from moveit6d.geometry.rotation import exp_so3
+        >>> turned = exp_so3(torch.tensor([0.0, 0.0, 0.1], dtype=torch.float64))
+        >>> still = Pose(torch.eye(3, dtype=torch.float64), torch.zeros(3, dtype=torch.float64))
+        >>> round(float(rotation_error(Pose(turned, still.translation), still)), 3)
+        5.73
+    """
     turn = estimate.rotation.mT @ truth.rotation
     skew = torch.stack(
         [
@@ -98,6 +136,14 @@ def within(
     """Whether both origin and rotation are within the limits, bool: (...). RBOT's 5 cm, 5°.
 
     A pose at a limit is within, as in M3T's evaluator; `strict` counts it out, as DeepAC does.
+
+    Examples:
+        >>> import torch
+        >>> from moveit6d import Pose
+        >>> truth = Pose(torch.eye(3), torch.tensor([0.0, 0.0, 0.5]))
+        >>> estimate = Pose(torch.eye(3), torch.tensor([0.0, 0.003, 0.5]))
+        >>> bool(within(estimate, truth)), bool(within(estimate, truth, metres=0.002))
+        (True, False)
     """
     shift, turn = translation_error(estimate, truth), rotation_error(estimate, truth)
     return (shift < metres) & (turn < degrees) if strict else (shift <= metres) & (turn <= degrees)
@@ -158,7 +204,13 @@ def laval_stability(poses: Pose) -> tuple[Tensor, Tensor]:
 
 
 def accuracy(errors: Tensor, limit: float | Tensor) -> float:
-    """Share of the errors (N,) strictly below the limit; an infinite error is never below."""
+    """Share of the errors (N,) strictly below the limit; an infinite error is never below.
+
+    Examples:
+        >>> import torch
+        >>> accuracy(torch.tensor([0.001, 0.02, float("inf")]), limit=0.01)
+        0.3333333333333333
+    """
     if not len(errors):
         raise InputError("accuracy: there is no error to count.")
     return float((errors < limit).double().mean())
@@ -168,6 +220,11 @@ def laval_failures(translation: Tensor, rotation: Tensor) -> int:
     """How often Laval calls a track lost, from its errors (N,) in metres and (official) degrees.
 
     Each time that more than 7 frames in a row are beyond 3 cm or 20°; then counting starts anew.
+
+    Examples:
+        >>> import torch
+        >>> laval_failures(torch.full((16,), 0.05), torch.zeros(16))
+        2
     """
     failures = run = 0
     for bad in ((translation > LAVAL_METRES) | (rotation > LAVAL_DEGREES)).tolist():
@@ -181,6 +238,11 @@ def frames_until_lost(errors: Tensor, limit: float, run: int = LOST_RUN) -> int:
     """Index + 1 of the first of the frames (N,) from which all of `run` frames are not below limit.
 
     Near the end the frames that are left are enough. N + 1 for a track that is never lost.
+
+    Examples:
+        >>> import torch
+        >>> frames_until_lost(torch.tensor([0.001] * 3 + [1.0] * 20), limit=0.01)
+        4
     """
     good = (errors < limit).tolist()
     for k in range(len(good)):
@@ -194,6 +256,11 @@ def auroc(scores: Tensor, correct: Tensor) -> float:
 
     The chance that a right one has a higher score than a wrong one, ties counting half; NaN if all
     are right or all are wrong.
+
+    Examples:
+        >>> import torch
+        >>> auroc(torch.tensor([0.9, 0.8, 0.3]), torch.tensor([True, True, False]))
+        1.0
     """
     right, wrong = scores[correct.bool()].double(), scores[~correct.bool()].double()
     if not len(right) or not len(wrong):

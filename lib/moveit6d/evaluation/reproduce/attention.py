@@ -27,7 +27,7 @@ from . import published_figures as published
 from .convergence import Plan, frames_of
 from .reproduction import Cell, Reproduction, Table
 
-OFFSET = (6.0, -4.0, 3.0, 4.0, -5.0, 6.0)  # counts of the start from the truth
+OFFSET = (6.0, -4.0, 3.0, 4.0, -5.0, 6.0)  # the start's delta from the truth, action units
 
 
 @dataclass(frozen=True)
@@ -101,8 +101,8 @@ def reproduction(
         (
             f"The paper shows its object-specific network after {steps} iterations and prints no "
             "figures; here every weights file that is given is one column.",
-            "The start is a few counts away from the truth, so that the rendered mask is not quite "
-            "the object.",
+            "The start is a few action units away from the truth, so that the rendered mask is "
+            "not quite the object.",
         ),
         facts,
     )
@@ -111,10 +111,10 @@ def reproduction(
 def _shares(attention: Tensor, mask: Tensor) -> tuple[float, float, float]:
     """Mean attention on the mask and off it, and the mask's share of all of it in per cent."""
     size = attention.shape[-2:]
-    covered = functional.adaptive_avg_pool2d(mask, (size[0], size[1])).to(attention)
-    inside = float((attention * covered).sum() / covered.sum().clamp_min(1e-6))
-    outside = float((attention * (1 - covered)).sum() / (1 - covered).sum().clamp_min(1e-6))
-    share = 100 * float((attention * covered).sum() / attention.sum().clamp_min(1e-9))
+    on_object = functional.adaptive_avg_pool2d(mask, (size[0], size[1])).to(attention)
+    inside = float((attention * on_object).sum() / on_object.sum().clamp_min(1e-6))
+    outside = float((attention * (1 - on_object)).sum() / (1 - on_object).sum().clamp_min(1e-6))
+    share = 100 * float((attention * on_object).sum() / attention.sum().clamp_min(1e-9))
     return inside, outside, share
 
 

@@ -105,7 +105,7 @@ def _main(models: Mapping[str, Figures], objects: list[str]) -> Table:
         rows.append(("mean of objects", unit, *means))
     return Table(
         "errors",
-        "Mean errors by object and share covered (tab:laval, tab:laval_additional)",
+        "Mean errors by object and share occluded (tab:laval, tab:laval_additional)",
         tuple(head),
         tuple(rows),
     )
@@ -137,7 +137,7 @@ def _spread(models: Mapping[str, Figures], objects: list[str]) -> Table:
     head = (
         "object",
         "model",
-        "covered %",
+        "occluded %",
         "frames",
         "median T mm",
         "median R deg",
@@ -181,4 +181,4 @@ def _chart(models: Mapping[str, Figures], objects: list[str], quantity: str) -> 
                 curves.append(Curve(f"{who} {model}", x, y))
     label = "T, mm" if quantity == "translation" else "R, degrees"
     title = f"Laval: {quantity}, mean of the objects"
-    return LineChart(f"laval_{quantity}", title, "covered, %", label, tuple(curves))
+    return LineChart(f"laval_{quantity}", title, "occluded, %", label, tuple(curves))

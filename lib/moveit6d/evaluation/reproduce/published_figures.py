@@ -111,6 +111,10 @@ class PaperTable:
     """A printed table: for each object (row) the value of each method (column), None for a dash.
 
     `averages` are the printed ones, which are not always the means of the rows.
+
+    Examples:
+        >>> YCB_ADD.value("024_bowl", OURS)
+        99.44
     """
 
     label: str
@@ -160,7 +164,7 @@ YCB_AUC_2 = PaperTable(
 )
 YCB_OBJECTS = tuple(YCB_ADD.rows)
 
-LAVAL_LEVELS = (0, 15, 30, 45)  # per cent covered
+LAVAL_LEVELS = (0, 15, 30, 45)  # per cent occluded
 LAVAL_MODELS = ("full", "w/o depth")
 LAVAL_OBJECTS = (
     "clock", "cookiejar", "dog", "dragon", "shoe", "turtle", "walkman", "wateringcan",

@@ -208,7 +208,7 @@ def rounds(batch: int, share: float, most: int, rng: RandomSource) -> Iterator[T
 def occlude(
     picture: Tensor, things: Callable[[Tensor], Tensor], config: AugmentConfig, rng: RandomSource
 ) -> tuple[Tensor, Tensor]:
-    """Put things in front: the picture (B, 3, N, N) and what they cover, alpha (B, 1, N, N).
+    """Put occluders in front: the picture (B, 3, N, N) and their alpha (B, 1, N, N).
 
     `things` draws layers (n, 4, N, N), colour times alpha and alpha, for the chosen patches (n,).
     """
@@ -233,7 +233,7 @@ def crop_region(
 ) -> tuple[Tensor, Tensor]:
     """Let only a rectangle of everything before the photo show, in a part of the batch.
 
-    Returns the picture and what is covered now. Paper, "Data Augmentation Details", last sentence.
+    Returns the picture and the occlusion. Paper, "Data Augmentation Details", last sentence.
     """
     batch, size = len(picture), picture.shape[-1]
     chosen = rng.chance(batch, config.cropped)

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFilter
 
-from ..objects.textures import Colour, Picture, paint, random_palette, smooth_noise
+from ...typing import RGBImage
+from ..objects.textures import Colour, paint, random_palette, smooth_noise
 
 
-def procedural_photo(rng: np.random.Generator, size: tuple[int, int] = (480, 640)) -> Picture:
+def procedural_photo(rng: np.random.Generator, size: tuple[int, int] = (480, 640)) -> RGBImage:
     """A scene (height, width, 3) uint8: wall and floor, things in it, light, blur and grain."""
     height, width = size
     palette = [*random_palette(rng), *random_palette(rng, 3)]
@@ -61,7 +62,7 @@ def _room(
 
 def _surface(
     rng: np.random.Generator, height: int, width: int, palette: Sequence[Colour]
-) -> Picture:
+) -> RGBImage:
     kind = rng.random()
     if kind < 0.3:
         return _bricks(rng, height, width, palette)
@@ -76,7 +77,7 @@ def _surface(
 
 def _bricks(
     rng: np.random.Generator, height: int, width: int, palette: Sequence[Colour]
-) -> Picture:
+) -> RGBImage:
     """Bricks, tiles, planks or books on a shelf: rows of blocks with joints between them."""
     tall = int(rng.uniform(0.04, 0.25) * max(height, width)) + 4
     wide = int(tall * np.exp(rng.uniform(-0.7, 1.8))) + 4

@@ -1,4 +1,4 @@
-"""Puts an observed patch together: photo, clutter, the lit object, what covers it, the camera.
+"""Puts an observed patch together: photo, clutter, the lit object, occluders, the camera.
 
 Never renders the object itself. The same steps make the paper's pictures and the realistic ones;
 which of them happen, how often and how much is `AugmentConfig`, `HandConfig` and `BankConfig`.
@@ -75,7 +75,7 @@ class Composer:
         self.hands = Hands(config, source, self.lights, random, self.rng)
 
     def picture(self, observed: GBuffer, depth: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
-        """Observed patches (B, 3, 128, 128), and 1 where nothing would cover the object.
+        """Observed patches (B, 3, 128, 128), and 1 where nothing would occlude the object.
 
         `depth` (B, 1, 128, 128) is relative to the look-at view's centre and `distance` (B,) that
         centre's, in diameters.

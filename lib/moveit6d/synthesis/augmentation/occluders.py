@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...geometry.mesh import Mesh
+from ...typing import Float64, RGBImage
 from ..objects import primitives as make
-from ..objects.primitives import Floats, Part
+from ..objects.primitives import Part
 from ..objects.shapes import random_object
-from ..objects.textures import Picture, paint, photo_crop, random_palette, smooth_noise, weather
+from ..objects.textures import paint, photo_crop, random_palette, smooth_noise, weather
 
 SKIN = ((255, 219, 188), (236, 188, 150), (206, 150, 112), (156, 104, 70), (98, 62, 42))
 
@@ -34,7 +35,7 @@ class Occluder:
 
 
 def random_occluder(
-    rng: np.random.Generator, scale: float = 1.0, photos: Sequence[Picture] | None = None
+    rng: np.random.Generator, scale: float = 1.0, photos: Sequence[RGBImage] | None = None
 ) -> Occluder:
     """A hand (half of the time), a card or an object; `scale` 1 suits an object of 20 cm."""
     kind = rng.choice(["hand", "card", "object"], p=[0.5, 0.25, 0.25])
@@ -48,7 +49,7 @@ def random_occluder(
 
 
 def card(
-    rng: np.random.Generator, scale: float = 1.0, photos: Sequence[Picture] | None = None
+    rng: np.random.Generator, scale: float = 1.0, photos: Sequence[RGBImage] | None = None
 ) -> Occluder:
     """A thin card, printed on both sides."""
     size = scale * np.array([rng.uniform(0.07, 0.12), rng.uniform(0.08, 0.15), 0.002])
@@ -62,7 +63,7 @@ def card(
 
 
 def board(
-    rng: np.random.Generator, size: tuple[float, float], photos: Sequence[Picture] | None = None
+    rng: np.random.Generator, size: tuple[float, float], photos: Sequence[RGBImage] | None = None
 ) -> Mesh:
     """A flat board of width × height metres, printed, its middle in the file frame's origin."""
     part = make.box(np.array([*size, 0.02 * min(size)]))
@@ -102,7 +103,7 @@ def hand(rng: np.random.Generator, scale: float = 1.0) -> Occluder:
     return Occluder("hand", mesh, tip, np.array([0.0, -1.0, 0.0]))
 
 
-def _finger(start: Floats, turn: float, curl: float, length: float, radius: float) -> Part:
+def _finger(start: Float64, turn: float, curl: float, length: float, radius: float) -> Part:
     """A finger from `start` along +y turned in the palm's plane by `turn`, curling towards +z."""
     points, place, angle = [start], start, 0.0
     for joint in range(9):
@@ -114,7 +115,7 @@ def _finger(start: Floats, turn: float, curl: float, length: float, radius: floa
     return make.tube(np.stack(points), thickness, 12)
 
 
-def _dressed(rng: np.random.Generator, parts: list[Part]) -> tuple[Picture, list[Part]]:
+def _dressed(rng: np.random.Generator, parts: list[Part]) -> tuple[RGBImage, list[Part]]:
     """Skin in the left half of the texture, sleeve in the right one."""
     first, second = rng.choice(len(SKIN), 2, p=[0.25, 0.25, 0.2, 0.15, 0.15])
     tone = np.array(SKIN[first]) * 0.7 + np.array(SKIN[second]) * 0.3

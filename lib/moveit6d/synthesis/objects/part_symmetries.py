@@ -11,8 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...geometry.symmetry import ContinuousSymmetry, Symmetries
+from ...typing import Float64
 from . import primitives as make
-from .primitives import Floats, Part
+from .primitives import Part
 
 AROUND = (24, 32)  # corners that `primitives` gives what it turns on a lathe
 FOLDS = tuple(range(12, 1, -1))  # equal parts of a full turn about z that are looked for
@@ -30,7 +31,7 @@ def plain_symmetries(parts: Sequence[Part]) -> Symmetries:
     return Symmetries(_rigid(_group([turn for turn in about_z + others if _keeps(parts, turn)])))
 
 
-def _group(turns: Sequence[Floats]) -> list[Floats]:
+def _group(turns: Sequence[Float64]) -> list[Float64]:
     """All products of the turns, without the identity."""
     found = [np.eye(3)]
     for one in found:  # grows on the way
@@ -41,7 +42,7 @@ def _group(turns: Sequence[Floats]) -> list[Floats]:
     return found[1:]
 
 
-def placed(symmetries: Symmetries, turn: Floats, offset: Floats) -> Symmetries:
+def placed(symmetries: Symmetries, turn: Float64, offset: Float64) -> Symmetries:
     """The symmetries of a body after a rotation (3, 3) about the origin and a shift (3,)."""
     moved = [turn @ motion[:3, :3] @ turn.T for motion in symmetries.discrete]
     discrete = _rigid(moved)
@@ -50,14 +51,14 @@ def placed(symmetries: Symmetries, turn: Floats, offset: Floats) -> Symmetries:
     return Symmetries(discrete, tuple(axes))
 
 
-def _rigid(rotations: Sequence[Floats]) -> Floats:
+def _rigid(rotations: Sequence[Float64]) -> Float64:
     matrices = np.tile(np.eye(4), (len(rotations), 1, 1))
     if len(rotations):
         matrices[:, :3, :3] = np.stack(rotations)
     return matrices
 
 
-def _keeps(parts: Sequence[Part], rotation: Floats) -> bool:
+def _keeps(parts: Sequence[Part], rotation: Float64) -> bool:
     """Whether every part's points fall on points of the same part."""
     from scipy.spatial import cKDTree
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from ...typing import Float64
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,9 @@ class Part:
     (a box has 3 × 2, one a side).
     """
 
-    vertices: Floats  # (V, 3)
+    vertices: Float64  # (V, 3)
     faces: NDArray[np.int64]  # (F, 3)
-    uv: Floats  # (V, 2)
+    uv: Float64  # (V, 2)
     skin: int = 0
     charts: tuple[int, int] = (1, 1)
 
@@ -33,7 +33,7 @@ class Part:
         place = self.vertices + np.asarray(offset, np.float64)
         return replace(self, vertices=place, skin=self.skin if skin is None else skin)
 
-    def turned(self, rotation: Floats) -> Part:
+    def turned(self, rotation: Float64) -> Part:
         """The part after a rotation (3, 3) about the origin."""
         return replace(self, vertices=self.vertices @ rotation.T)
 
@@ -44,7 +44,7 @@ class Part:
         return replace(self, vertices=self.vertices * sizes, faces=faces)
 
 
-def sheet(points: Floats) -> Part:
+def sheet(points: Float64) -> Part:
     """A grid of points (rows, columns, 3) as a surface; u runs along columns, v down the rows."""
     rows, columns = points.shape[:2]
     index = np.arange(rows * columns).reshape(rows, columns)
@@ -63,7 +63,7 @@ def sheet(points: Floats) -> Part:
 
 
 def superquadric(
-    sizes: object, rounding: Sequence[float] | Floats = (1.0, 1.0), detail: int = 20
+    sizes: object, rounding: Sequence[float] | Float64 = (1.0, 1.0), detail: int = 20
 ) -> Part:
     """An ellipsoid, rounded box (`rounding` towards 0.2) or spindle (2) with half axes `sizes`.
 
@@ -77,7 +77,7 @@ def superquadric(
     return sheet(points * np.asarray(sizes, np.float64))
 
 
-def lathe(radii: Floats, heights: Floats, around: int = 32) -> Part:
+def lathe(radii: Float64, heights: Float64, around: int = 32) -> Part:
     """A body turned on a lathe about z: radius at each height, from the top of the picture down."""
     angle = np.linspace(0, 2 * np.pi, around + 1)[None]
     r, z = np.asarray(radii, np.float64)[:, None], np.asarray(heights, np.float64)[:, None]
@@ -110,7 +110,7 @@ def box(sizes: object, detail: int = 4) -> Part:
     return replace(join(sides), charts=(3, 2))
 
 
-def tube(path: Floats, radius: float | Floats, around: int = 12) -> Part:
+def tube(path: Float64, radius: float | Float64, around: int = 12) -> Part:
     """A round tube along a path (N, 3), closed at its ends."""
     path = np.asarray(path, np.float64)
     radii = np.broadcast_to(np.asarray(radius, np.float64), (len(path),))
@@ -128,7 +128,7 @@ def tube(path: Floats, radius: float | Floats, around: int = 12) -> Part:
     return sheet(np.stack(rings))
 
 
-def prism(outline: Floats, height: float) -> Part:
+def prism(outline: Float64, height: float) -> Part:
     """An outline (N, 2), star-shaped about the origin, extruded along z, with slight bevels."""
     ring = np.concatenate([outline, outline[:1]])
     inner = 0.96 * ring
@@ -163,7 +163,7 @@ def join(parts: list[Part]) -> Part:
 # -- deformations of points (V, 3) that lie within about [-1, 1]³ ----------------------------------
 
 
-def bumps(rng: np.random.Generator, points: Floats, amount: float, waves: int = 5) -> Floats:
+def bumps(rng: np.random.Generator, points: Float64, amount: float, waves: int = 5) -> Float64:
     """Push points in and out by smooth waves; equal points stay equal."""
     moved = points.copy()
     for _ in range(waves):
@@ -175,7 +175,7 @@ def bumps(rng: np.random.Generator, points: Floats, amount: float, waves: int = 
     return moved
 
 
-def twist(points: Floats, radians: float) -> Floats:
+def twist(points: Float64, radians: float) -> Float64:
     """Turn about z, the more the higher."""
     angle = radians * points[:, 2]
     c, s = np.cos(angle), np.sin(angle)
@@ -183,27 +183,27 @@ def twist(points: Floats, radians: float) -> Floats:
     return np.stack([c * x - s * y, s * x + c * y, points[:, 2]], -1)
 
 
-def taper(points: Floats, amount: float) -> Floats:
+def taper(points: Float64, amount: float) -> Float64:
     """Thinner upwards (amount > 0) or downwards."""
     scale = 1 - amount * points[:, 2:]
     return np.concatenate([points[:, :2] * scale, points[:, 2:]], 1)
 
 
-def bend(points: Floats, amount: float) -> Floats:
+def bend(points: Float64, amount: float) -> Float64:
     """Lean over along x, as a banana does."""
     moved = points.copy()
     moved[:, 0] += amount * points[:, 2] ** 2
     return moved
 
 
-def rotation(rng: np.random.Generator) -> Floats:
+def rotation(rng: np.random.Generator) -> Float64:
     """A rotation matrix (3, 3), evenly distributed."""
     q, r = np.linalg.qr(rng.standard_normal((3, 3)))
     q = q * np.sign(np.diag(r))
     return np.asarray(q if np.linalg.det(q) > 0 else q[:, [1, 0, 2]])
 
 
-def about(axis: int, radians: float) -> Floats:
+def about(axis: int, radians: float) -> Float64:
     """The rotation (3, 3) about coordinate axis 0, 1 or 2."""
     c, s = np.cos(radians), np.sin(radians)
     turn = np.eye(3)
@@ -212,5 +212,5 @@ def about(axis: int, radians: float) -> Floats:
     return turn
 
 
-def _power(values: Floats, exponent: float) -> Floats:
+def _power(values: Float64, exponent: float) -> Float64:
     return np.asarray(np.sign(values) * np.abs(values) ** exponent)

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from ...geometry.mesh import Mesh
 from ...geometry.symmetry import Symmetries
+from ...typing import Float64, RGBImage
 from . import primitives as make
 from .part_symmetries import placed, plain_symmetries
-from .primitives import Floats, Part
-from .textures import Colour, Picture, paint, random_palette
+from .primitives import Part
+from .textures import Colour, paint, random_palette
 
 TEXTURE = 256  # pixels a side
 SIZES = (0.07, 0.35)  # metres, the objects' largest extent
@@ -28,15 +29,21 @@ def random_object(
 ) -> Mesh:
     """A new textured object, 7 to 35 cm, in a frame of its own that is not centred.
 
-    With `photos` (H, W, 3) uint8 some of its prints are parts of photographs. The same generator
+    With `photos` (H, W, 3) uint8 some of its textures are parts of photographs. The same generator
     state gives the same object.
+
+    Examples:
+        >>> import numpy as np
+        >>> mesh = random_object(np.random.default_rng(0))
+        >>> 0.05 < mesh.diameter < 0.5
+        True
     """
     family = FAMILIES[int(rng.integers(len(FAMILIES)))]
     parts = family(rng)
     size = float(np.exp(rng.uniform(*np.log(SIZES))))
     turn = make.rotation(rng)
     texture, parts, plain = _skinned(rng, parts, photos)
-    # Dirt of a few grey levels is no print: a plain can is a body of revolution.
+    # Dirt of a few grey levels is no texture: a plain can is a body of revolution.
     symmetries = plain_symmetries(parts) if plain else Symmetries()
     offset = 0.3 * size * rng.uniform(-1, 1, 3)
     return assembled(family.__name__.strip("_"), parts, texture, size, turn, offset, symmetries)
@@ -45,10 +52,10 @@ def random_object(
 def assembled(
     name: str,
     parts: list[Part],
-    texture: Picture,
+    texture: RGBImage,
     size: float,
-    turn: Floats,
-    offset: Floats,
+    turn: Float64,
+    offset: Float64,
     symmetries: Symmetries,
 ) -> Mesh:
     """Parts about the origin as one object of a largest extent `size`, turned, then shifted."""
@@ -66,8 +73,8 @@ def assembled(
 
 
 def _skinned(
-    rng: np.random.Generator, parts: list[Part], photos: Sequence[Picture] | None
-) -> tuple[Picture, list[Part], bool]:
+    rng: np.random.Generator, parts: list[Part], photos: Sequence[RGBImage] | None
+) -> tuple[RGBImage, list[Part], bool]:
     """A texture with a tile for each skin, parts with coordinates in it, and if all is plain."""
     palette = random_palette(rng)
     skins = sorted({part.skin for part in parts})
@@ -98,9 +105,9 @@ def _tile(
     side: int,
     charts: tuple[int, int],
     palette: Sequence[Colour],
-    photos: Sequence[Picture] | None,
+    photos: Sequence[RGBImage] | None,
     plain: bool,
-) -> Picture:
+) -> RGBImage:
     columns, rows = charts
     if charts == (1, 1) or plain or rng.random() < 0.3:
         return paint(rng, side, side, palette, photos, plain)
@@ -321,7 +328,7 @@ def _pincers(rng: np.random.Generator) -> list[Part]:
     return arms
 
 
-def _block(rng: np.random.Generator, sizes: Floats) -> Part:
+def _block(rng: np.random.Generator, sizes: Float64) -> Part:
     """A box, rounded box, cylinder, cone-like or ball-like body with the given extents (3,)."""
     kind = int(rng.integers(4))
     if kind == 0:
@@ -341,7 +348,7 @@ def _deformed(rng: np.random.Generator, part: Part, chance: float) -> Part:
     return replace(part, vertices=_warped(rng, part.vertices, 0.6))
 
 
-def _warped(rng: np.random.Generator, points: Floats, strength: float) -> Floats:
+def _warped(rng: np.random.Generator, points: Float64, strength: float) -> Float64:
     reach = float(np.abs(points).max())
     unit = points / reach
     if rng.random() < 0.8:

@@ -1,6 +1,6 @@
 """Random objects that look the same from several sides, and say so: cans, cones, blocks, prisms.
 
-Never has prints that break the symmetry. A share of them among the training objects teaches a
+Never has a texture that breaks the symmetry. A share of them among the training objects teaches a
 network that there are turns which nobody can see.
 """
 
@@ -12,16 +12,17 @@ import numpy as np
 
 from ...geometry.mesh import Mesh
 from ...geometry.symmetry import ContinuousSymmetry, Symmetries
+from ...typing import Float64, RGBImage
 from . import primitives as make
 from .part_symmetries import plain_symmetries
-from .primitives import Floats, Part
+from .primitives import Part
 from .shapes import SIZES, assembled
-from .textures import Picture, paint, random_palette
+from .textures import paint, random_palette
 
 TEXTURE = 128  # pixels a side
 
 
-def symmetric_object(rng: np.random.Generator, photos: Sequence[Picture] | None = None) -> Mesh:
+def symmetric_object(rng: np.random.Generator, photos: Sequence[RGBImage] | None = None) -> Mesh:
     """A new object of 7 to 35 cm with declared symmetries, in a frame that is not centred.
 
     Half of them are turned on a lathe and ringed with colours, the others are plain blocks and
@@ -49,7 +50,7 @@ def _turned(rng: np.random.Generator) -> Part:
     count = int(rng.integers(2, 7))
     knots = np.exp(rng.uniform(-1.0, 0.2, count)) if rng.random() < 0.7 else np.ones(count)
     at = np.linspace(0, 1, 24)
-    radii: Floats = np.interp(at, np.linspace(0, 1, count), knots)
+    radii: Float64 = np.interp(at, np.linspace(0, 1, count), knots)
     radii = np.concatenate([[0.0], radii, [0.0]])
     height = rng.uniform(0.4, 3.2)
     z = height * (0.5 - np.concatenate([at[:1], at, at[-1:]]))

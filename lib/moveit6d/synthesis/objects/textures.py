@@ -1,6 +1,6 @@
 """Paints surface textures by code: noise, stripes, labels, logos, patches, plain ones too.
 
-Never knows geometry and never reads files; given photographs it uses them as prints.
+Never knows geometry and never reads files; given photographs it uses parts of them.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-Picture = NDArray[np.uint8]  # (H, W, 3) RGB
+from ...typing import RGBImage
+
 Colour = tuple[int, int, int]
 LETTERS = "eeeaaoiurnstlmdcpbghkvwxyz    0123456789&!"
 
@@ -41,10 +42,10 @@ def paint(
     height: int,
     width: int,
     palette: Sequence[Colour],
-    photos: Sequence[Picture] | None = None,
+    photos: Sequence[RGBImage] | None = None,
     plain: bool = False,
-) -> Picture:
-    """One texture: a ground, then prints on it, then wear; `plain` leaves out the prints."""
+) -> RGBImage:
+    """One texture: a base colour, patterns on it, wear; `plain` leaves out the patterns."""
     colour = palette[int(rng.integers(len(palette)))]
     if plain:
         picture = np.empty((height, width, 3), np.uint8)
@@ -62,8 +63,8 @@ def paint(
 
 
 def photo_crop(
-    rng: np.random.Generator, photos: Sequence[Picture], height: int, width: int
-) -> Picture:
+    rng: np.random.Generator, photos: Sequence[RGBImage], height: int, width: int
+) -> RGBImage:
     """A random part of a random photograph, resized to height × width."""
     photo = photos[int(rng.integers(len(photos)))]
     tall, wide = photo.shape[:2]
@@ -90,8 +91,8 @@ def smooth_noise(
     return np.asarray(total / spread if spread > 1e-6 else 0 * total, np.float32)
 
 
-def weather(rng: np.random.Generator, picture: Picture, amount: float) -> Picture:
-    """Dirt and uneven print: brightness noise of about `amount` grey levels, large and small."""
+def weather(rng: np.random.Generator, picture: RGBImage, amount: float) -> RGBImage:
+    """Dirt and uneven colour: brightness noise of about `amount` grey levels, large and small."""
     height, width = picture.shape[:2]
     wear = amount * smooth_noise(rng, height, width, 4, 3)
     grain = 0.4 * amount * rng.standard_normal((height, width), np.float32)
@@ -101,7 +102,9 @@ def weather(rng: np.random.Generator, picture: Picture, amount: float) -> Pictur
 # -- grounds ---------------------------------------------------------------------------------------
 
 
-def _solid(rng: np.random.Generator, height: int, width: int, palette: Sequence[Colour]) -> Picture:
+def _solid(
+    rng: np.random.Generator, height: int, width: int, palette: Sequence[Colour]
+) -> RGBImage:
     picture = np.empty((height, width, 3), np.uint8)
     picture[:] = palette[int(rng.integers(len(palette)))]
     return picture
@@ -109,7 +112,7 @@ def _solid(rng: np.random.Generator, height: int, width: int, palette: Sequence[
 
 def _gradient(
     rng: np.random.Generator, height: int, width: int, palette: Sequence[Colour]
-) -> Picture:
+) -> RGBImage:
     a, b = _two(rng, palette)
     angle = rng.uniform(0, 2 * np.pi)
     y, x = np.mgrid[0:height, 0:width] / max(height, width)
@@ -120,7 +123,7 @@ def _gradient(
 
 def _marble(
     rng: np.random.Generator, height: int, width: int, palette: Sequence[Colour]
-) -> Picture:
+) -> RGBImage:
     noise = smooth_noise(rng, height, width, int(rng.integers(2, 7)), 5)
     a, b = _two(rng, palette)
     if rng.random() < 0.5:  # camouflage: steps instead of a passage
@@ -130,7 +133,7 @@ def _marble(
     return _mix(1 / (1 + np.exp(-rng.uniform(0.8, 3) * noise)), a, b)
 
 
-def _wood(rng: np.random.Generator, height: int, width: int, palette: Sequence[Colour]) -> Picture:
+def _wood(rng: np.random.Generator, height: int, width: int, palette: Sequence[Colour]) -> RGBImage:
     light = np.array(_rgb(rng.uniform(0.05, 0.11), rng.uniform(0.3, 0.7), rng.uniform(0.5, 0.9)))
     y, x = np.mgrid[0:height, 0:width].astype(np.float32) / max(height, width)
     bent = y * rng.uniform(8, 25) + 1.2 * smooth_noise(rng, height, width, 2, 2)
@@ -140,7 +143,7 @@ def _wood(rng: np.random.Generator, height: int, width: int, palette: Sequence[C
 
 def _stripes(
     rng: np.random.Generator, height: int, width: int, palette: Sequence[Colour]
-) -> Picture:
+) -> RGBImage:
     colours = np.array(palette, np.uint8)
     angle = rng.choice([0.0, np.pi / 2, rng.uniform(0, np.pi)])
     y, x = np.mgrid[0:height, 0:width] / max(height, width)
@@ -152,7 +155,7 @@ def _stripes(
 
 def _checks(
     rng: np.random.Generator, height: int, width: int, palette: Sequence[Colour]
-) -> Picture:
+) -> RGBImage:
     count = int(rng.integers(3, 10))
     y, x = np.mgrid[0:height, 0:width] * count // max(height, width)
     if rng.random() < 0.5:  # a chess board
@@ -162,7 +165,9 @@ def _checks(
     return np.asarray(colours[rng.integers(len(colours), size=(count + 1, count + 1))[y, x]])
 
 
-def _cells(rng: np.random.Generator, height: int, width: int, palette: Sequence[Colour]) -> Picture:
+def _cells(
+    rng: np.random.Generator, height: int, width: int, palette: Sequence[Colour]
+) -> RGBImage:
     count = int(rng.integers(6, 30))
     seeds = rng.random((count, 2), np.float32) * np.array([height, width], np.float32)
     rows, columns = -(-height // 2), -(-width // 2)  # at half the resolution: four times faster
@@ -173,7 +178,7 @@ def _cells(rng: np.random.Generator, height: int, width: int, palette: Sequence[
     return np.asarray(small.repeat(2, 0).repeat(2, 1)[:height, :width])
 
 
-def _dots(rng: np.random.Generator, height: int, width: int, palette: Sequence[Colour]) -> Picture:
+def _dots(rng: np.random.Generator, height: int, width: int, palette: Sequence[Colour]) -> RGBImage:
     a, b = _two(rng, palette)
     image = Image.new("RGB", (width, height), a)
     draw = ImageDraw.Draw(image)
@@ -297,7 +302,7 @@ def _two(rng: np.random.Generator, palette: Sequence[Colour]) -> tuple[Colour, C
     return palette[int(first)], palette[int(second)]
 
 
-def _mix(share: NDArray[np.float32], a: Colour, b: Colour) -> Picture:
+def _mix(share: NDArray[np.float32], a: Colour, b: Colour) -> RGBImage:
     low, high = np.array(a, np.float32), np.array(b, np.float32)
     return (low + share[..., None] * (high - low)).clip(0, 255).astype(np.uint8)
 
@@ -307,9 +312,9 @@ def _rgb(hue: float, saturation: float, value: float) -> Colour:
     return round(255 * r), round(255 * g), round(255 * b)
 
 
-MovingBackground = Callable[[np.random.Generator, int, int, Sequence[Colour]], Picture]
+BasePattern = Callable[[np.random.Generator, int, int, Sequence[Colour]], RGBImage]
 Decoration = Callable[[np.random.Generator, Image.Image, Sequence[Colour]], None]
-GROUNDS: tuple[MovingBackground, ...] = (
+GROUNDS: tuple[BasePattern, ...] = (
     _solid, _gradient, _marble, _wood, _stripes, _checks, _cells, _dots,
 )  # fmt: skip
 DECORATIONS: tuple[Decoration, ...] = (

@@ -1,7 +1,7 @@
-"""Objects of one material: a textured mesh whose print has faded away.
+"""Objects of one material: a textured mesh whose texture has faded.
 
-Never changes a shape. Networks learn to rely on print where nearly every training object has some;
-tools, parts and toys often have none.
+Never changes a shape. Networks learn to rely on texture where nearly every training object has
+some; tools, parts and toys often have none.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from ...geometry.mesh import Mesh
 from .textures import random_palette
 
-KEPT = 0.25  # of the print's contrast, at most
+KEPT = 0.25  # of the texture's contrast, at most
 SAMPLES = 2000  # points at which a surface's colour is read
 
 
 def untextured_copy(rng: np.random.Generator, mesh: Mesh) -> Mesh:
-    """The mesh in one colour, its own mean or any other, with what is left of its print."""
+    """The mesh in one colour, its own mean or any other, with a remainder of its texture."""
     colours = mesh.texture if mesh.texture is not None else mesh.vertex_colors
     assert colours is not None
     mean = _mean_colour(rng, mesh)

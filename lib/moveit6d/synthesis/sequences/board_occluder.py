@@ -18,12 +18,12 @@ from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...rendering.renderer import Renderer
+from ...typing import Float64
 from ..augmentation.occluders import board
 from .image_formation import silhouette
 from .motion import Motion
 from .occlusion import outline_window
 
-Floats = NDArray[np.float64]
 Side = Literal["h", "v"]
 EVERY = 2.0  # frames between two places where the edge is measured
 TILT = 4.0  # degrees that nobody's hand is better than
@@ -37,17 +37,17 @@ class BoardOccluder:
     kind: str
     mesh: Mesh
     motion: Motion
-    along: Floats  # (2,), image direction from the edge into the board
-    moments: Floats  # (N,) frames
-    edge: Floats  # (N,)
+    along: Float64  # (2,), image direction from the edge into the board
+    moments: Float64  # (N,) frames
+    edge: Float64  # (N,)
     gap: float  # metres that it is nearer than the object's centre
-    middle: Floats  # (3,), of the board's edge in its own frame
+    middle: Float64  # (3,), of the board's edge in its own frame
 
     def present(self, frame: float) -> bool:
         """Always."""
         return True
 
-    def poses(self, times: Floats) -> Pose:
+    def poses(self, times: Float64) -> Pose:
         """The board's centred poses at the moments (B,)."""
         return Pose.stack([self._pose(float(time)) for time in times])
 
@@ -103,7 +103,7 @@ def plan_board_occluder(
 
 
 def _edge(
-    renderer: Renderer, mesh: Mesh, motion: Motion, time: float, along: Floats, share: float
+    renderer: Renderer, mesh: Mesh, motion: Motion, time: float, along: Float64, share: float
 ) -> float:
     """Pixels from the object's centre beyond which `share` of its silhouette lies."""
     camera: Camera = motion.camera

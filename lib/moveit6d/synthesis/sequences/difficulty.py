@@ -1,4 +1,4 @@
-"""How hard a synthetic sequence is: speeds, covering, light, clutter.
+"""How hard a synthetic sequence is: speeds, occlusion, light, clutter.
 
 Never draws anything.
 """
@@ -21,7 +21,7 @@ class Difficulty:
     pixels_per_frame: Range  # at the fastest moment, for frames 640 pixels wide
     degrees_per_frame: Range  # at the fastest moment
     occluded_frames: Range = (0.0, 0.0)  # share of the frames
-    occlusion: Range = (0.15, 0.5)  # share of the object, at the most covered moment
+    occlusion: Range = (0.15, 0.5)  # share of the object, at the most occluded moment
     shutter: Range = (0.2, 0.35)  # share of the frame time
     margin: float = 1.0  # of the object's radius kept inside the frame
     light_change: float = 0.05  # 0: steady, 1: wanders about and flickers
@@ -52,7 +52,12 @@ DIFFICULTIES = {
 
 
 def find_difficulty(difficulty: str | Difficulty) -> Difficulty:
-    """The level of that name; a `Level` stays what it is."""
+    """The level of that name; a `Level` stays what it is.
+
+    Examples:
+        >>> find_difficulty("easy").pixels_per_frame
+        (2.2, 2.9)
+    """
     if isinstance(difficulty, Difficulty):
         return difficulty
     if difficulty not in DIFFICULTIES:

@@ -17,14 +17,13 @@ from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...rendering.renderer import Renderer
+from ...typing import RGBImage
 from ..augmentation.backgrounds import procedural_photo
 from ..objects.primitives import rotation
 from ..objects.shapes import random_object
 from .difficulty import Difficulty
 from .image_formation import Light, LinearImage, Material, composite, linear, render_layers
 from .motion import SmoothPath
-
-Picture = NDArray[np.uint8]  # (H, W, 3)
 
 
 class LightOverTime:
@@ -69,7 +68,7 @@ class MovingBackground:
         camera: Camera,
         mesh: Mesh,
         difficulty: Difficulty,
-        photos: Sequence[Picture] | None,
+        photos: Sequence[RGBImage] | None,
     ) -> None:
         import cv2
 
@@ -118,7 +117,7 @@ class MovingBackground:
         rng: np.random.Generator,
         renderer: Renderer,
         depth: NDArray[np.float32],
-        photos: Sequence[Picture] | None,
+        photos: Sequence[RGBImage] | None,
     ) -> None:
         """Paint one more object onto the picture, where it lies still."""
         height, width = depth.shape
@@ -134,7 +133,7 @@ class MovingBackground:
             composite(self._picture, depth, layer)
 
 
-def _covering(photo: Picture, size: tuple[int, int]) -> Picture:
+def _covering(photo: RGBImage, size: tuple[int, int]) -> RGBImage:
     """The middle of a photograph, scaled to cover (height, width)."""
     height, width = size
     scale = max(height / photo.shape[0], width / photo.shape[1])
@@ -144,7 +143,7 @@ def _covering(photo: Picture, size: tuple[int, int]) -> Picture:
     return np.ascontiguousarray(big[top : top + height, left : left + width])
 
 
-def _recolored(picture: Picture, mesh: Mesh, share: float) -> Picture:
+def _recolored(picture: RGBImage, mesh: Mesh, share: float) -> RGBImage:
     """The picture with its colours' mean and spread pulled towards the object's."""
     surface = mesh.texture if mesh.texture is not None else mesh.vertex_colors
     assert surface is not None

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from ...geometry.camera import Camera
 from ...geometry.pose import Pose
 from ...geometry.rotation import exp_so3
+from ...typing import Float64
 
-Floats = NDArray[np.float64]
 SUBSTEPS = 16  # of a frame, where turning speed is integrated
 _TURNS = 5  # sines a coordinate
 
@@ -30,7 +29,7 @@ class SmoothPath:
         weight = rng.uniform(0.3, 1.0, (_TURNS, axes)) / self._frequency
         self._weight = weight / weight.sum(0)
 
-    def __call__(self, time: float | Floats) -> Floats:
+    def __call__(self, time: float | Float64) -> Float64:
         """The point (..., axes) at time (...); one unit of time is about one radian."""
         moment = np.asarray(time, np.float64)[..., None, None]
         return np.asarray((self._weight * np.sin(self._frequency * moment + self._phase)).sum(-2))
@@ -56,7 +55,7 @@ class Motion:
         y = (v - self.camera.cy) / self.camera.fy * depth
         return Pose(self.rotation(time), torch.tensor([x, y, depth], dtype=torch.float64))
 
-    def pixel(self, time: Floats) -> Floats:
+    def pixel(self, time: Float64) -> Float64:
         """Column, row and depth (..., 3) of the object's centre at the moments (...)."""
         way = self.path(np.asarray(time) * self.rate)
         u = self.center[0] + self.reach[0] * way[..., 0]
@@ -153,7 +152,7 @@ def _rotations(rng: np.random.Generator, frames: int, degrees: float) -> torch.T
     return torch.stack(rotations)
 
 
-def _uniform_turn(rng: np.random.Generator) -> Floats:
+def _uniform_turn(rng: np.random.Generator) -> Float64:
     """A rotation vector whose rotation is evenly distributed."""
     q = rng.standard_normal(4)
     q /= np.linalg.norm(q)

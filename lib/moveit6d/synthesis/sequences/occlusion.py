@@ -18,11 +18,10 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...geometry.rotation import exp_so3
 from ...rendering.renderer import Renderer
+from ...typing import Float64
 from ..augmentation.occluders import Occluder, random_occluder
 from .image_formation import bounds, silhouette
 from .motion import Motion, SmoothPath
-
-Floats = NDArray[np.float64]
 
 
 class MovingOccluder(Protocol):
@@ -39,7 +38,7 @@ class MovingOccluder(Protocol):
     def present(self, frame: float) -> bool:
         """Whether it is about at a frame."""
 
-    def poses(self, times: Floats) -> Pose:
+    def poses(self, times: Float64) -> Pose:
         """Its centred poses at the moments (B,)."""
 
 
@@ -48,7 +47,7 @@ class PassingOccluder:
     """One occluder that comes from outside, stays in front of the object for a while, and leaves.
 
     Its leading point keeps `near` pixels from the object's centre in the image at the closest, in
-    direction `angle`; `near` is set by `plan_passages` so that the right share is covered.
+    direction `angle`; `plan_passing_occluders` sets `near` so that the right share is occluded.
     """
 
     occluder: Occluder
@@ -76,7 +75,7 @@ class PassingOccluder:
         """Whether the occluder is about at a frame (a little generously)."""
         return self.start - 1 <= frame <= self.start + self.length + 1
 
-    def poses(self, times: Floats) -> Pose:
+    def poses(self, times: Float64) -> Pose:
         """The occluder's centred poses at the moments (B,)."""
         return Pose.stack([self._pose(float(time)) for time in times])
 
@@ -109,11 +108,11 @@ def plan_passing_occluders(
     occlusion: tuple[float, float],
     photos: Sequence[NDArray[np.uint8]] | None = None,
 ) -> list[PassingOccluder]:
-    """Passages over about `share` of the frames, each covering a part drawn from `covered`."""
+    """Occluders over about `share` of the frames, each hiding a part drawn from `occlusion`."""
     if share * frames < 6:
         return []
     count = max(1, min(3, round(share * frames / 30)))
-    # The object counts as covered for about two thirds of a passage.
+    # The object is occluded for about two thirds of the time that an occluder is there.
     length = share * frames / count * 1.5
     room = frames / count
     occluders = []
@@ -129,7 +128,7 @@ def plan_passing_occluders(
 def visible_fraction(
     renderer: Renderer, mesh: Mesh, motion: Motion, occluders: Sequence[MovingOccluder], time: float
 ) -> float:
-    """Share of the object's silhouette that is inside the frame and not covered."""
+    """Share of the object's silhouette that is inside the frame and not occluded."""
     return visible_share(renderer, mesh, motion.pose(time), motion.camera, occluders, time)
 
 
@@ -141,7 +140,7 @@ def visible_share(
     occluders: Sequence[MovingOccluder],
     time: float,
 ) -> float:
-    """Share of the silhouette at a centred pose that is inside the frame and not covered."""
+    """Share of the silhouette at a centred pose that is inside the frame and not occluded."""
     window = outline_window(mesh, pose, camera)
     left, top, _ = window
     depth = silhouette(renderer, mesh, pose, camera, window)
@@ -218,7 +217,7 @@ def _facing(rng: np.random.Generator, occluder: Occluder, angle: float) -> torch
 def _come_near(
     renderer: Renderer, mesh: Mesh, passing: PassingOccluder, goal: float, most: float
 ) -> None:
-    """Set how near the passage comes: `goal` covered in its middle, never more than `most`."""
+    """Set how near the occluder comes: `goal` hidden in the middle, never more than `most`."""
     middle = passing.start + passing.length / 2
 
     def occlusion(near: float, time: float) -> float:
@@ -226,7 +225,7 @@ def _come_near(
         alone = visible_fraction(renderer, mesh, passing.motion, (), time)
         return alone - visible_fraction(renderer, mesh, passing.motion, (passing,), time)
 
-    # From far to near ever more is covered; past the centre (negative) less again.
+    # From far to near ever more is hidden; past the centre (negative) less again.
     radius = 0.5 * passing.motion.camera.fx * mesh.sphere_diameter / passing.motion.depth
     low, high = -0.3 * radius, passing.far
     for _ in range(12):

@@ -23,6 +23,7 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...io import replacing_folder, write_json
 from ...rendering.backends import make_renderer
+from ...typing import RGBImage
 from ..objects.mesh_file import write_glb
 from .board_occluder import plan_board_occluder
 from .difficulty import Difficulty, find_difficulty
@@ -32,7 +33,6 @@ from .motion import SUBSTEPS, Motion, random_motion
 from .occlusion import MovingOccluder, plan_passing_occluders, visible_fraction, visible_share
 from .tabletop import TabletopObject, arrange_around
 
-Picture = NDArray[np.uint8]
 GENERATOR = "moveit6d synthesize"
 BESIDE = 1  # stream of random numbers
 
@@ -41,7 +41,7 @@ BESIDE = 1  # stream of random numbers
 class SyntheticFrame:
     """One frame of a scene: the picture, the true pose (mesh file's frame), what can be seen."""
 
-    image: Picture  # (H, W, 3)
+    image: RGBImage  # (H, W, 3)
     pose: Pose
     visible_fraction: float
     others: tuple[tuple[Pose, float], ...] = ()  # the same of the objects that move with it
@@ -54,14 +54,14 @@ def write_sequence(
     seed: int,
     frames: int = 120,
     difficulty: str | Difficulty = "medium",
-    photos: Sequence[Picture] | None = None,
+    photos: Sequence[RGBImage] | None = None,
     camera: Camera | None = None,
     quality: int = 90,
     on_frame: Callable[[int], None] | None = None,
 ) -> Path:
     """Make a sequence folder: frames/%06d.jpg, camera.json, mesh.glb, start.json, poses.csv.
 
-    `photos` (H, W, 3) uint8 become backgrounds and prints; without them pictures made by code do.
+    `photos` (H, W, 3) uint8 become backgrounds and textures; without them procedural pictures do.
     Nothing appears under `folder` before everything is written. An older sequence made here is
     replaced; any other folder that holds something is refused with an `InputError`. `on_frame` is
     called with the number of each finished frame.
@@ -99,7 +99,7 @@ class Scene:
         seed: int,
         frames: int,
         difficulty: str | Difficulty = "medium",
-        photos: Sequence[Picture] | None = None,
+        photos: Sequence[RGBImage] | None = None,
         camera: Camera | None = None,
         others: Sequence[Mesh] = (),
     ) -> None:

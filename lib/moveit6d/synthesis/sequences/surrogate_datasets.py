@@ -1,4 +1,4 @@
-"""Made data sets in the formats of published ones, for when those cannot be had.
+"""Synthetic data sets in the formats of published ones, for when those cannot be had.
 
 Never takes the name of a real data set without the word surrogate: `surrogate.json` at the root
 says what it is, `visible_fraction.csv` what can be seen of each object in each frame.
@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...datasets.catalog import SURROGATE
 from ...datasets.laval import write_laval_sequence
@@ -25,10 +24,10 @@ from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...io import replacing_folder, write_json
+from ...typing import RGBImage
 from .difficulty import Difficulty, find_difficulty
 from .sequence import Scene, SyntheticFrame
 
-Picture = NDArray[np.uint8]
 OCCLUSIONS = (0, 15, 30, 45)  # per cent, the levels that the paper reports on Laval
 VISIBLE = "visible_fraction.csv"
 COLUMNS = ("sequence", "frame", "visible_fraction")
@@ -43,13 +42,13 @@ Watch = Callable[[str, int], None]  # name and number of a finished frame
 class GenerationOptions:
     """How a surrogate is made: `frames` a sequence, what moves and shines how, and from which seed.
 
-    `photos` (H, W, 3) become backgrounds and prints; without them pictures made by code do.
+    `photos` (H, W, 3) become backgrounds and textures; without them procedural pictures do.
     """
 
     frames: int = 120
     difficulty: str | Difficulty = "medium"
     seed: int = 0
-    photos: Sequence[Picture] | None = None
+    photos: Sequence[RGBImage] | None = None
     on_frame: Watch | None = None
 
     def facts(self) -> dict[str, Any]:

@@ -23,7 +23,7 @@ APART = 0.46  # of the two diameters' sum: round things would overlap a little, 
 
 @dataclass(frozen=True)
 class TabletopObject:
-    """An object at a fixed place to the moving one; also covers others, as a `Cover` does."""
+    """An object at a fixed pose relative to the moving one; a `MovingOccluder` for the others."""
 
     mesh: Mesh
     motion: Motion

@@ -16,7 +16,7 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class ClusterConfig:
-    """Shares of the clusters and their ranges of the absolute values; signs are random.
+    """Shares of the clusters and ranges of their absolute pose deltas; signs are random.
 
     The paper draws each of the five clusters equally often. `near` is ours: all six axes within
     `near_range`, where a tracker spends its last iterations.
@@ -55,9 +55,15 @@ CLUSTERS = ("one_small", "one_large", "one_large_rest_small", "all_small", "all_
 def draw_delta(
     random: np.random.Generator, config: ClusterConfig, cluster: str | None = None
 ) -> np.ndarray:
-    """Counts (6,) float64 from a random cluster, or from the named one.
+    """A pose delta (6,) float64 in action units from a random cluster, or from the named one.
 
-    In the first two clusters each of the 13 actions, stop (no counts) among them, is as likely.
+    In the first two clusters each of the 13 actions, stop (zeros) among them, is as likely.
+
+    Examples:
+        >>> import numpy as np
+        >>> delta = draw_delta(np.random.default_rng(0), ClusterConfig(), "all_small")
+        >>> bool((abs(delta[:2]) >= 1).all() and (abs(delta) <= 5).all())
+        True
     """
     shares = np.asarray(config.shares())
     if cluster is None:

@@ -23,7 +23,7 @@ def contact_sheet(batch: TrainingBatch, across: int = 2) -> NDArray[np.uint8]:
 
     They are the observed patch, the rendering, the observed patch with the outlines of the true
     pose (green) and of the start (red), and the object's mask: white where it can be seen, dark red
-    where something covers it.
+    where it is occluded.
     """
     seen = batch.observation
     marked = _painted(seen.image, _outline(seen.mask), START)

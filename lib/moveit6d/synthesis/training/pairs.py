@@ -68,9 +68,9 @@ class TrainingBatch:
     `delta` (B, 6) takes the start to the truth, or to the nearest pose that looks the same if the
     object declares symmetries; `true_depth` (B, 1, 128, 128) is the true pose's depth as in
     `Observation.depth`, `true_mask` (B, 1, 128, 128) its silhouette and `visible` (B, 1, 128, 128)
-    what of that nothing covers; `clear` (B, 1, 128, 128) is 1 where nothing would cover the object;
-    `mesh` (B,) is the number of the object, on the CPU, `zoom` (B,) how many times larger than
-    usual the patch shows it (delta, distance and depths are in diameters divided by that),
+    what of that is not occluded; `clear` (B, 1, 128, 128) is 1 where nothing would occlude the
+    object; `mesh` (B,) is the number of the object, on the CPU, `zoom` (B,) how many times larger
+    than usual the patch shows it (delta, distance and depths are in diameters divided by that),
     `rotation` (B, 3, 3) the start's in its view and `direction` (B, 2) x / z and y / z of its
     centre there, 0 in a look-at view. `present` (B,) is 1 where the picture shows the object at
     all, `near` (B,) where it does and the truth is within `PairConfig.farthest`: what is farther

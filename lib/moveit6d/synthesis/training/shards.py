@@ -19,6 +19,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
+from ...checks import entry, whole
 from ...errors import InputError
 from ...geometry.mesh import Mesh
 from ...io import read_json, replacing, write_json
@@ -122,8 +123,19 @@ def open_shards(folder: Path) -> tuple[ShardPlan, list[Path]]:
     facts = read_json(folder / MANIFEST)
     if facts.get("format") != FORMAT:
         raise InputError(f"{folder / MANIFEST}: format {facts.get('format')!r}, not {FORMAT!r}.")
-    fields = (field.name for field in dataclasses.fields(ShardPlan))
-    plan = ShardPlan(**{name: int(facts[name]) for name in fields})
+    fields = [field.name for field in dataclasses.fields(ShardPlan)]
+    where = str(folder / MANIFEST)
+    plan = ShardPlan(
+        **{name: whole(entry(facts, name, where), f"{where}: {name}") for name in fields}
+    )
+    there = sum(path.suffix == ".safetensors" for path in folder.iterdir())
+    if min(plan.shards, plan.batches, plan.batch_size) < 1:
+        raise InputError(f"{where}: shards, batches and batch_size must be above 0.")
+    if plan.shards > there:
+        raise InputError(
+            f"{folder} lacks {plan.shards - there} of its {plan.shards} shards; run `moveit6d "
+            "write-pairs` again for the parts that are not finished."
+        )
     paths = [shard_path(folder, number, plan) for number in range(plan.shards)]
     missing = [path.name for path in paths if not path.exists()]
     if missing:

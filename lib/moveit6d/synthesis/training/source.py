@@ -56,11 +56,12 @@ class PairSource:
 
     def load_meshes(self) -> list[Mesh]:
         """The meshes of the files, with the symmetries that are declared beside them."""
-        return [Mesh.load(path, unit=self.mesh_unit) for path in self.meshes]
+        return [Mesh.load(path, unit=self.mesh_unit, allow_flat=True) for path in self.meshes]
 
     def load_occluders(self) -> list[Mesh] | None:
         """The meshes for the bank, or None."""
-        return [Mesh.load(path, unit=self.mesh_unit) for path in self.occluders] or None
+        paths = self.occluders
+        return [Mesh.load(path, unit=self.mesh_unit, allow_flat=True) for path in paths] or None
 
     def shape(
         self, random: np.random.Generator, photos: Sequence[np.ndarray], meshes: Sequence[Mesh] = ()

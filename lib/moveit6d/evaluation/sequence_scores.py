@@ -1,71 +1,20 @@
-"""Runs a tracker through whole sequences and compares it with others' results.
+"""Scores whole sequences: which frames of a track count, and the figures of results in files.
 
-Never shows the tracker a true pose but that of the first frame and those that a protocol of resets
-gives it, and gives every sequence a fresh tracker.
+Never tracks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import nullcontext
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from ..datasets.pose_files import RESULT_COLUMNS, PoseRow, PoseWriter
+from ..datasets.pose_files import PoseRow
 from ..datasets.sequences import Sequence
-from ..datasets.video import VideoFrame
 from ..errors import InputError
-from ..geometry.camera import Camera
-from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from .protocols import NO_RESET, Protocol, follow_protocol, is_given
-from .run_tracker import TrackedFrame, calibrating
+from .protocols import is_given
 from .track_scores import EvaluationPoints, Score, read_track, score
-
-if TYPE_CHECKING:
-    from ..estimation import PoseTracker, TrackingResult
-
-MakeTracker = Callable[[Mesh, Camera, Pose], "PoseTracker[TrackingResult]"]
-# Of our own tracks: what every result has, and what a report of it needs.
-OWN_COLUMNS = (*RESULT_COLUMNS, "steps", "stopped_by", "confidence", "reset")
-
-
-def run_sequence(
-    sequence: Sequence,
-    make_tracker: MakeTracker,
-    protocol: Protocol = NO_RESET,
-    calibrate: bool = True,
-) -> Iterator[TrackedFrame]:
-    """Track one sequence from its start pose: one step for each frame after the first.
-
-    The first frame's pose is given and exact: the tracker may learn the object's colours from that
-    frame, and does not follow it.
-    """
-    tracker = make_tracker(sequence.load_mesh(), sequence.camera, sequence.start)
-    frames: Iterable[VideoFrame] = (f for f in sequence.open() if f.index >= sequence.first)
-    if calibrate:
-        frames = calibrating(tracker, frames)
-    later = (frame for frame in frames if frame.index > sequence.first)
-    yield from follow_protocol(tracker, later, sequence.truth, protocol)
-
-
-def gather(
-    sequence: Sequence, steps: Iterable[TrackedFrame], path: Path | None
-) -> dict[int, PoseRow]:
-    """Rows by frame; with a path also written there as they come, in the benchmark's format.
-
-    The first row is the given start, without a time.
-    """
-    rows = {sequence.first: PoseRow(frame=sequence.first, pose=sequence.start)}
-    with nullcontext() if path is None else PoseWriter(path, OWN_COLUMNS) as table:
-        if table is not None:
-            table.write(rows[sequence.first])
-        for step in steps:
-            rows[step.row.frame] = step.row
-            if table is not None:
-                table.write(step.row)
-    return rows
 
 
 def scored_truth(

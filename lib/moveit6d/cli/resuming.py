@@ -1,0 +1,78 @@
+"""Going on with a track that was interrupted: its rows, its frames, and the tracker's state.
+
+Never tracks.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import InputError
+from .common import plain
+
+if TYPE_CHECKING:
+    from ..datasets.pose_files import PoseRow
+    from ..datasets.video import VideoFrame
+    from ..evaluation.run_tracker import AnyTracker
+
+# What a run goes by: a track that was begun with others cannot be gone on with.
+SAME = ("mesh", "mesh_unit", "video", "camera", "fov", "start", "weights", "exact_start")
+
+
+def earlier_rows(output: Path, args: argparse.Namespace) -> list[PoseRow]:
+    """The rows of the interrupted run in a folder; none without `--resume` or before its start.
+
+    `InputError` if its summary.json says that it was begun with other files.
+    """
+    from ..datasets.pose_files import by_frame, read_poses, whole_lines
+    from ..io import read_json
+
+    table = output / "poses.csv"
+    if not args.resume or not table.is_file():
+        return []
+    rows = read_poses(table, whole_lines(table))
+    if [*by_frame(rows, str(table))] != list(range(len(rows))):
+        raise InputError(f"{table}: its frames are not 0, 1, 2, …; it cannot be gone on with.")
+    summary = output / "summary.json"
+    if summary.is_file():
+        before = read_json(summary).get("arguments") or {}
+        other = [
+            name
+            for name in SAME
+            if name in before and before[name] != plain(getattr(args, name, None))
+        ]
+        if other:
+            raise InputError(
+                f"{output} holds a track with another --{other[0]}; give the arguments that it was "
+                "begun with, or another --output."
+            )
+    return rows
+
+
+def going_on(
+    tracker: AnyTracker, frames: Iterable[VideoFrame], rows: Sequence[PoseRow]
+) -> Iterator[VideoFrame]:
+    """The frames after those of the rows; before the first, the tracker is told what they say."""
+    for frame in frames:
+        if frame.index < len(rows):
+            continue
+        if frame.index == len(rows):
+            for row in rows:
+                tell(tracker, row)
+        yield frame
+
+
+def tell(tracker: AnyTracker, row: PoseRow) -> None:
+    """Let a tracker of one object know what became of an earlier frame."""
+    import torch
+
+    (track,), (supervisor,) = tracker.tracks, tracker.supervisors
+    if row.pose is None:
+        track.miss()
+    else:
+        track.add(track.mesh.inner(row.pose.to(torch.float64)), row.confidence or 0.0)
+    if row.state:
+        supervisor.tell(row.state)

@@ -1,0 +1,152 @@
+"""glTF and GLB: every triangle of the scene, where its nodes, skins and weights put it.
+
+Never plays animations. Specification: Khronos, glTF 2.0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InputError
+from .compression import draco_attributes
+from .content import MeshContent, Part
+from .gltf_buffers import REMEDY, GltfFile, open_gltf
+from .gltf_materials import Looks
+
+MAX_NODES = 100_000
+TRIANGLES, STRIP, FAN = 4, 5, 6
+
+Matrix = NDArray[np.float64]
+
+
+def read_gltf(content: MeshContent) -> None:
+    """Add the parts of a glTF or GLB file to `content`; its numbers are metres by definition."""
+    file = open_gltf(content.path)
+    content.unit = 1.0
+    looks = Looks(file, content)
+    placed = dict(_placed(file))
+    for node, matrix in placed.items():
+        entry = file.items("nodes")[node]
+        if "EXT_mesh_gpu_instancing" in (entry.get("extensions") or {}):
+            raise InputError(f"{file.path} uses EXT_mesh_gpu_instancing; {REMEDY}.")
+        if entry.get("mesh") is None:
+            continue
+        mesh = file.items("meshes")[entry["mesh"]]
+        weights = entry.get("weights") or mesh.get("weights") or []
+        joints = None if entry.get("skin") is None else _joints(file, entry["skin"], placed)
+        for primitive in mesh["primitives"]:
+            part = _part(file, primitive, weights, matrix, joints, looks)
+            if part is not None:
+                content.parts.append(part)
+
+
+def _placed(file: GltfFile) -> Iterator[tuple[int, Matrix]]:
+    """The nodes of the scene with their matrices (4, 4) to the world."""
+    nodes, scenes = file.items("nodes"), file.items("scenes")
+    if scenes:
+        roots = scenes[file.json.get("scene") or 0].get("nodes") or []
+    else:  # without a scene: all nodes that are nobody's child
+        children = {child for node in nodes for child in node.get("children") or []}
+        roots = [index for index in range(len(nodes)) if index not in children]
+    waiting = [(int(root), np.eye(4)) for root in roots]
+    seen: set[int] = set()
+    while waiting:
+        index, above = waiting.pop()
+        if index in seen or len(seen) > MAX_NODES:
+            raise InputError(f"{file.path}: node {index} hangs below two others or itself.")
+        seen.add(index)
+        node = nodes[index]
+        matrix = above @ _local(node)
+        yield index, matrix
+        waiting += [(int(child), matrix) for child in node.get("children") or []]
+
+
+def _local(node: dict[str, Any]) -> Matrix:
+    if node.get("matrix") is not None:
+        return np.array(node["matrix"], np.float64).reshape(4, 4).T
+    x, y, z, w = np.array(node.get("rotation") or (0, 0, 0, 1), np.float64)
+    turn = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    matrix = np.eye(4)
+    matrix[:3, :3] = turn * np.array(node.get("scale") or (1, 1, 1), np.float64)
+    matrix[:3, 3] = np.array(node.get("translation") or (0, 0, 0), np.float64)
+    return matrix
+
+
+def _joints(file: GltfFile, skin: int, placed: dict[int, Matrix]) -> NDArray[np.float64]:
+    """The matrices (J, 4, 4) of a skin's joints in the pose that the file was saved in."""
+    entry = file.items("skins")[skin]
+    matrices = np.stack([placed.get(joint, np.eye(4)) for joint in entry["joints"]])
+    if entry.get("inverseBindMatrices") is None:
+        return matrices
+    inverse = file.accessor(entry["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2)
+    return np.asarray(matrices @ inverse[: len(matrices)])
+
+
+def _part(
+    file: GltfFile, primitive: dict[str, Any], weights: list[float], matrix: Matrix,
+    joints: NDArray[np.float64] | None, looks: Looks,
+) -> Part | None:  # fmt: skip
+    """One primitive in the scene's frame; None for points and lines."""
+    mode = primitive.get("mode", TRIANGLES)
+    if mode not in (TRIANGLES, STRIP, FAN):
+        return None
+    attributes, faces = _attributes(file, primitive)
+    points = np.asarray(attributes["POSITION"], np.float64)[:, :3]
+    for weight, target in zip(weights, primitive.get("targets") or [], strict=False):
+        if "POSITION" in target:
+            points = points + float(weight) * file.accessor(target["POSITION"])
+    if faces is None:
+        faces = np.arange(len(points), dtype=np.int64)
+    triangles = _triangles(faces, mode)
+    if triangles.size and (triangles.min() < 0 or triangles.max() >= len(points)):
+        raise InputError(f"{file.path}: a face names a vertex that is not there ({len(points)}).")
+    if joints is not None and "JOINTS_0" in attributes and "WEIGHTS_0" in attributes:
+        share = np.asarray(attributes["WEIGHTS_0"], np.float64)
+        share = share / np.maximum(share.sum(1, keepdims=True), 1e-12)
+        mixed = np.einsum("vk,vkij->vij", share, joints[attributes["JOINTS_0"].astype(int)])
+        points = np.einsum("vij,vj->vi", mixed[:, :3, :3], points) + mixed[:, :3, 3]
+    else:
+        points = points @ matrix[:3, :3].T + matrix[:3, 3]
+        if np.linalg.det(matrix[:3, :3]) < 0:
+            triangles = triangles[:, ::-1]
+    part = Part(points, np.ascontiguousarray(triangles))
+    return looks.applied(part, primitive.get("material"), attributes)
+
+
+def _attributes(
+    file: GltfFile, primitive: dict[str, Any]
+) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64] | None]:
+    """Attributes by name, and the indices, decompressed where necessary."""
+    extension = (primitive.get("extensions") or {}).get("KHR_draco_mesh_compression")
+    if extension is not None:
+        return draco_attributes(file, primitive, extension)
+    found = {
+        # Colours keep their type, which decides what they mean.
+        name: file.accessor(index, normalize=not name.startswith("COLOR"))
+        for name, index in primitive["attributes"].items()
+        if name == "POSITION" or name.split("_")[0] in ("TEXCOORD", "COLOR", "JOINTS", "WEIGHTS")
+    }
+    if primitive.get("indices") is None:
+        return found, None
+    return found, file.accessor(primitive["indices"], normalize=False).reshape(-1).astype(np.int64)
+
+
+def _triangles(indices: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
+    if mode == TRIANGLES:
+        return indices[: len(indices) // 3 * 3].reshape(-1, 3)
+    count = max(len(indices) - 2, 0)
+    k = np.arange(count)
+    if mode == FAN:
+        return np.stack([np.repeat(indices[:1], count), indices[k + 1], indices[k + 2]], -1)
+    odd = k % 2
+    return np.stack([indices[k], indices[k + 1 + odd], indices[k + 2 - odd]], -1)

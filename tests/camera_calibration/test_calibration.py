@@ -1,0 +1,152 @@
+"""Boards drawn through known lenses by OpenCV: the camera comes back, by both kinds of board."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from moveit6d.camera_calibration import Board, Corners, calibrate, choose_views
+from moveit6d.errors import InputError
+from moveit6d.geometry.camera import Camera
+
+WIDTH, HEIGHT = 480, 360
+STANDARD = Camera(400, 404, 236, 182, WIDTH, HEIGHT, (-0.25, 0.08, 0.001, -0.001, 0.0))
+FISHEYE = Camera(380, 384, 243, 176, WIDTH, HEIGHT, (-0.03, 0.01, -0.004, 0.001), "fisheye")
+SQUARE = 40  # pixels of the printed board
+
+
+@lru_cache(maxsize=4)
+def rays(camera: Camera) -> NDArray[np.float64]:
+    """Where each pixel of a picture twice as fine looks, by OpenCV: (2H · 2W, 3)."""
+    x, y = np.meshgrid(np.arange(2 * WIDTH), np.arange(2 * HEIGHT))
+    pixels = ((np.stack([x, y], -1).reshape(-1, 1, 2) + 0.5) / 2 - 0.5).astype(np.float64)
+    module = cv2.fisheye if camera.distortion_model == "fisheye" else cv2
+    plane = module.undistortPoints(pixels, camera.matrix().numpy(), np.array(camera.distortion))
+    return np.column_stack([plane.reshape(-1, 2), np.ones(len(pixels))])
+
+
+def photo(board: Board, camera: Camera, turn: Any, shift: Any) -> NDArray[np.uint8]:
+    """The board (x right, y down, in squares) before grey, as the camera sees it."""
+    plane = np.column_stack([turn[:, 0], turn[:, 1], shift])
+    place = rays(camera) @ np.linalg.inv(plane).T
+    spot = ((place[:, :2] / place[:, 2:] + 1) * SQUARE - 0.5).astype(np.float32)
+    spot = spot.reshape(2 * HEIGHT, 2 * WIDTH, 2)
+    drawn = cv2.remap(
+        board.draw(SQUARE, SQUARE), spot[..., 0], spot[..., 1], cv2.INTER_LINEAR, borderValue=128
+    )
+    small = cv2.resize(drawn, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
+    return np.asarray(small)[..., None].repeat(3, -1)
+
+
+def photos(board: Board, camera: Camera, count: int) -> list[NDArray[np.uint8]]:
+    """Photos from all sides: near and far, tilted, in every part of the picture."""
+    random = np.random.default_rng(0)
+    middle, found = np.array([board.columns / 2, board.rows / 2, 0.0]), []
+    for _ in range(count):
+        angles = [*random.uniform(-40, 40, 2), random.uniform(-20, 20)]
+        turn = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
+        depth = random.uniform(1.5, 2.2) * board.rows
+        centre = np.array([*random.uniform(-0.25, 0.25, 2) * depth, depth])
+        found.append(photo(board, camera, turn, centre - turn @ middle))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("board", "camera", "lens"),
+    [
+        (Board("charuco", 5, 7), STANDARD, "standard"),
+        (Board("charuco", 5, 7), FISHEYE, "fisheye"),
+        (Board("chessboard", 6, 7), STANDARD, "standard"),
+    ],
+    ids=["charuco", "fisheye", "chessboard"],
+)
+def test_the_camera_that_took_the_photos_comes_back(
+    board: Board, camera: Camera, lens: Any
+) -> None:
+    found = [board.find(image) for image in photos(board, camera, 10)]
+    views = [view for view in found if view is not None]
+    assert len(views) >= 7
+    result = calibrate(views, WIDTH, HEIGHT, lens)
+    assert result.error < 0.25 and result.camera.distortion_model == camera.distortion_model
+    assert result.camera.fx == pytest.approx(camera.fx, rel=0.01)
+    assert result.camera.cy == pytest.approx(camera.cy, abs=4)
+    # What counts is how points lie to each other: a shift of all is a turn of the camera.
+    x, y = np.meshgrid(np.linspace(-0.4, 0.4, 9), np.linspace(-0.3, 0.3, 7))
+    points = np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)])
+    assert camera.lens is not None and result.camera.lens is not None
+    expected = camera.lens.project(points, camera.matrix().numpy())
+    landed = result.camera.lens.project(points, result.camera.matrix().numpy())
+    apart = expected - landed - (expected - landed).mean(0)
+    assert np.sqrt((apart**2).sum(1).mean()) < 1.3
+
+
+def synthetic_views(count: int, noise: float = 0.05, bad: int = 0) -> list[Corners]:
+    """Corners of a 6 × 8 board by projection alone, some views of them spoilt."""
+    random = np.random.default_rng(1)
+    y, x = np.divmod(np.arange(48), 6)
+    places = np.column_stack([x, y, np.zeros(48)]).astype(np.float32)
+    views = []
+    for number in range(count):
+        turn = Rotation.from_euler("xyz", [*random.uniform(-40, 40, 2), 5], degrees=True)
+        depth = random.uniform(10, 14)
+        centre = np.array([*random.uniform(-0.3, 0.3, 2) * depth, depth])
+        points = (places - (2.5, 3.5, 0)) @ turn.as_matrix().T + centre
+        assert STANDARD.lens is not None
+        pixels = STANDARD.lens.project(points, STANDARD.matrix().numpy())
+        scale = 8.0 if number < bad else noise
+        views.append(
+            Corners((pixels + random.normal(0, scale, pixels.shape)).astype(np.float32), places)
+        )
+    return views
+
+
+def test_spoilt_views_are_left_out() -> None:
+    result = calibrate(synthetic_views(14, bad=2), WIDTH, HEIGHT)
+    assert result.views == 12 and result.error < 0.15
+    assert result.camera.fx == pytest.approx(STANDARD.fx, rel=0.01) and result.doubts() == []
+
+
+def test_few_or_like_views_are_doubted() -> None:
+    with pytest.raises(InputError, match="found in 5 pictures"):
+        calibrate(synthetic_views(5), WIDTH, HEIGHT)
+    (view,) = synthetic_views(1)
+    try:
+        alike = calibrate([view] * 8, WIDTH, HEIGHT)
+    except InputError as error:
+        assert "several distances" in str(error)
+    else:
+        assert any("edges" in doubt for doubt in alike.doubts())
+
+
+def test_views_are_chosen_to_differ() -> None:
+    views = synthetic_views(10)
+    same = [views[0]] * 20
+    chosen = choose_views(views + same, WIDTH, HEIGHT, 10)
+    assert len(chosen) == 10 and len([number for number in chosen if number < 10]) >= 9
+    assert choose_views(views, WIDTH, HEIGHT, 40) == list(range(10))
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Board("charuco", 2, 7), "3 to 50"),
+        (lambda: Board("charuco", 5, 7, "nonsense"), "4x4_50"),
+        (lambda: Board("charuco", 20, 30, "4x4_50"), "more markers"),
+    ],
+)
+def test_impossible_boards_are_refused(make: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        make()
+
+
+def test_a_picture_without_a_board_has_no_corners() -> None:
+    random = np.random.default_rng(0)
+    noise = random.integers(0, 255, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+    assert Board("charuco", 5, 7).find(noise) is None
+    assert Board("chessboard", 6, 7).find(np.full_like(noise, 128)) is None

@@ -1,0 +1,60 @@
+"""Results of an earlier run in the folder of a new one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from moveit6d.cli.earlier import clear_earlier
+
+
+def earlier(folder: Path, **arguments: object) -> None:
+    folder.mkdir(exist_ok=True)
+    (folder / "summary.json").write_text(json.dumps({"arguments": arguments}))
+    for name in (
+        "poses.csv",
+        "overlay.mp4",
+        "overlay_000012.mp4",
+        "report.html",
+        "mine.txt",
+        "run.rrd",
+    ):
+        (folder / name).write_text("earlier")
+
+
+def test_what_nothing_replaces_is_removed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "out"
+    outside = tmp_path / "elsewhere.html"
+    outside.write_text("earlier")
+    earlier(folder, report=str(folder / "report.html"), rerun=str(outside))
+    clear_earlier(folder, [folder / "poses.csv", None])
+    left = {path.name for path in folder.iterdir()}
+    assert left == {"summary.json", "poses.csv", "mine.txt", "run.rrd"} and outside.exists()
+    said = capsys.readouterr().err
+    assert (
+        "earlier track" in said and "removed: overlay.mp4, overlay_000012.mp4, report.html" in said
+    )
+
+
+def test_what_is_written_anew_stays_until_then(tmp_path: Path) -> None:
+    earlier(tmp_path, report=str(tmp_path / "report.html"))
+    clear_earlier(tmp_path, [tmp_path / "overlay.mp4", tmp_path / "report.html"])
+    assert (tmp_path / "overlay.mp4").exists() and (tmp_path / "report.html").exists()
+
+
+@pytest.mark.parametrize("summary", ["", "[]", '{"arguments": 3}', '{"arguments": {"report": 1}}'])
+def test_a_foreign_summary_harms_nothing(tmp_path: Path, summary: str) -> None:
+    (tmp_path / "summary.json").write_text(summary)
+    (tmp_path / "report.html").write_text("mine")
+    clear_earlier(tmp_path, [])
+    assert (tmp_path / "report.html").exists()
+
+
+def test_an_empty_folder_says_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "overlay.mp4").write_text("somebody's")
+    clear_earlier(tmp_path, [])
+    assert (tmp_path / "overlay.mp4").exists() and capsys.readouterr().err == ""

@@ -1,0 +1,45 @@
+"""Scores of whole sequences: results in every form, what counts, and what cannot be scored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from moveit6d.datasets.pose_files import PoseRow, write_poses
+from moveit6d.datasets.sequences import read_sequence, read_sequences
+from moveit6d.errors import InputError
+from moveit6d.evaluation.sequence_scores import score_results, score_track
+
+Make = Callable[..., Any]
+
+
+def test_results_are_found_in_every_form(make_sequence: Make, tmp_path: Path) -> None:
+    first, second = make_sequence("easy_00"), make_sequence("hard_00")
+    sequences = read_sequences(first.folder.parent)
+    rows = [PoseRow(frame, pose=pose) for frame, pose in enumerate(first.poses)]
+    write_poses(tmp_path / "out" / "easy_00.csv", rows)
+    write_poses(tmp_path / "out" / "hard_00" / "poses.csv", rows[:3])
+    found = score_results(sequences, tmp_path / "out")
+    assert found["easy_00"].below_10 == 1.0
+    assert found["hard_00"].missing == 3 and found["hard_00"].until_lost == 3
+    alone = read_sequence(second.folder)
+    assert score_results(alone, tmp_path / "out" / "easy_00.csv")["hard_00"].below_10 == 1.0
+    assert score_results(alone, first.folder) == {}
+
+
+def test_one_file_is_no_result_for_several_sequences(make_sequence: Make, tmp_path: Path) -> None:
+    made = make_sequence("easy_00")
+    make_sequence("easy_01")
+    with pytest.raises(InputError, match="is one track, but there are 2 sequences"):
+        score_results(read_sequences(made.folder.parent), made.folder / "poses.csv")
+    with pytest.raises(InputError, match="does not exist"):
+        score_results([], tmp_path / "nowhere")
+
+
+def test_a_single_true_pose_is_not_scored(make_sequence: Make) -> None:
+    made = make_sequence(frames=1)
+    (sequence,) = read_sequence(made.folder)
+    assert score_track(sequence, {0: PoseRow(0, pose=made.poses[0])}) is None
