@@ -120,9 +120,12 @@ class PoseTracker:
             return None
         if self.policy.mode is ActionMode.SINGLE:
             return None
-        return PoseDetector(
+        detector = PoseDetector(
             mesh, self.camera, policy=self.policy, renderer=self.renderer, store=self.store
         )
+        if self.recovery.max_milliseconds is not None:
+            detector.prepare()  # a second or two, which no frame has then
+        return detector
 
     def calibrate(self, image: Any) -> None:
         """Learn what the objects look like from an image in which their present poses are exact.
