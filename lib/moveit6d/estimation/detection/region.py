@@ -19,8 +19,9 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 
 NEAR = 0.75  # widths of the object that one may have moved by, and still be near
-# A template's box agrees with the given one if their intersection over union is so large, or, where the
-# given one shows a part of a covered object, if it holds nearly all of it and they differ by no more.
+# A template's box agrees with the given one if their intersection over union is so large, or, where
+# the given one shows a part of a covered object, if it holds nearly all of it and they differ by no
+# more.
 BOX_OVERLAP, COVERED, PART_OVERLAP = 0.5, 0.9, 0.3
 
 
