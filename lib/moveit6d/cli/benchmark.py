@@ -27,6 +27,7 @@ DESCRIPTION = """\
   moveit6d benchmark tracking   tracks whole sequences, beside rivals' results
   moveit6d benchmark detection  finds objects in single frames, from nothing
   moveit6d benchmark recovery   loses objects and finds them again
+  moveit6d benchmark motion     counts iterations by how fast an object moves
   moveit6d benchmark refinement   refines rendered objects from starts of a known distance
   moveit6d benchmark iteration    times the parts of one iteration: crop, render, network, move
   moveit6d benchmark oracle     proves the loop with a policy that knows the truth

@@ -1,4 +1,4 @@
-"""`moveit6d benchmark detection` and `recovery`: finding objects, losing them, finding them again.
+"""`moveit6d benchmark detection`, `recovery` and `motion`: finding, losing, and what motion costs.
 
 Never more than arguments, loops over files and printing.
 """
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from .common import Setting, add_tracking_options, add_verb, make_tools, new_folder, positive
+from .common import UNITS, Setting, add_tracking_options, add_verb, make_tools, new_folder, positive
 from .messages import progress
 
 DETECTION = """\
@@ -36,8 +36,19 @@ examples:
 """
 
 
+MOTION = """\
+Tracks one object, made by the library if no --mesh is given, in made sequences of increasing speed,
+and prints how many iterations a frame takes: a still object costs one.
+"""
+
+MOTION_EXAMPLES = """\
+examples:
+  moveit6d benchmark motion --speeds 0 1 2 5 10 20 --frames 40
+"""
+
+
 def add_kinds(kinds: Any) -> None:
-    """Add both kinds."""
+    """Add the kinds."""
     one = add_verb(kinds, "detection", "find objects from nothing", DETECTION, DETECTION_EXAMPLES)
     one.add_argument("--sequences", type=Path, metavar="DIR", help="sequence folders")
     one.add_argument("--every", type=positive, default=20, metavar="N", help="frames from 0 on")
@@ -52,6 +63,17 @@ def add_kinds(kinds: Any) -> None:
     two.add_argument("--output", type=Path, required=True, metavar="DIR", help="NAME.csv each")
     add_tracking_options(two)
     two.set_defaults(run=run_recovery)
+    three = add_verb(kinds, "motion", "iterations by speed", MOTION, MOTION_EXAMPLES)
+    three.add_argument("--mesh", type=Path, metavar="FILE", help="the object")
+    three.add_argument("--mesh_unit", choices=UNITS, default="m", help="the mesh's unit")
+    three.add_argument(
+        "--speeds", type=float, nargs="+", default=[0.0, 1.0, 2.0, 5.0, 10.0, 20.0], metavar="PX",
+        help="pixels a frame",
+    )  # fmt: skip
+    three.add_argument("--frames", type=positive, default=40, metavar="N", help="of each")
+    three.add_argument("--seed", type=int, default=0, metavar="N", help="of the sequences")
+    add_tracking_options(three)
+    three.set_defaults(run=run_motion)
 
 
 def run_detection(args: argparse.Namespace) -> int:
@@ -129,6 +151,24 @@ def run_recovery(args: argparse.Namespace) -> int:
         scores[video.level] = scores[video.level] + one if video.level in scores else one
         print(recovery_table({video.name: one}).splitlines()[2], flush=True)
     print(recovery_table(scores))
+    return 0
+
+
+def run_motion(args: argparse.Namespace) -> int:
+    """Track at every speed and print the table."""
+    from ..evaluation.motion_cost import motion_costs, motion_table
+    from ..geometry.mesh import Mesh
+    from ..synthesis.objects.demo_object import demo_object
+
+    if args.frames < 2 or min(args.speeds) < 0:
+        raise InputError("--frames must be 2 or more and --speeds not negative.")
+    mesh = demo_object() if args.mesh is None else Mesh.load(args.mesh, args.mesh_unit)
+    setting = Setting.of(args)
+    policy, renderer = make_tools(setting)
+    costs = motion_costs(
+        mesh, args.speeds, args.frames, policy, renderer, args.seed, setting.config
+    )
+    print(motion_table(list(progress(costs, len(args.speeds), "motion", "speed"))))
     return 0
 
 

@@ -185,10 +185,18 @@ class PoseTracker(Generic[Results]):
             return None
         if mode_of(self.policy, self.config.loop.mode) is ActionMode.SINGLE:
             return None
-        return PoseDetector(
-            mesh, self.camera, policy=self.policy, renderer=self.renderer, config=self.config,
-            store=self.store, threads=self.threads,
-        )  # fmt: skip
+        detector = PoseDetector(
+            mesh,
+            self.camera,
+            policy=self.policy,
+            renderer=self.renderer,
+            config=self.config,
+            store=self.store,
+            threads=self.threads,
+        )
+        if self.config.recovery.max_milliseconds is not None:
+            detector.prepare()  # a second or two, which no frame has then
+        return detector
 
     @with_own_threads
     def calibrate(self, image: ImageLike | Frame) -> None:

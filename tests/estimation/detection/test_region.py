@@ -82,3 +82,11 @@ def test_near_is_around_the_pose(box: Mesh) -> None:
 def test_what_cannot_be_right_is_refused(given: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         SearchRegion.checked(CAMERA, **given)
+
+
+def test_a_box_may_be_the_visible_part_of_a_covered_object(box: Mesh) -> None:
+    region = SearchRegion(box=(200.0, 100.0, 40.0, 60.0))  # the left half of 80 × 60
+    edges = torch.tensor([[-0.4, -0.3, 0.4, 0.3]]).expand(2, 4)
+    sizes = torch.tensor([100.0, 100.0])
+    pixels = torch.tensor([[240.0, 130.0], [275.0, 130.0]])  # over it, and beside it
+    assert region.allows(box, CAMERA, pixels, sizes, edges).tolist() == [True, False]

@@ -37,7 +37,7 @@ from .points import poses_from_points
 from .region import SearchRegion
 from .templates import WIDTH, TemplateBank, TemplateStore
 
-BATCH = 16  # loops that run side by side
+BATCH = 8  # loops that run side by side: a step of a search under a time limit is one batch
 BACKGROUND = 0.6  # scale of the whole image in which a narrowed search learns what is usual
 SAME_INSTANCE = 0.4  # of the object's width: nearer poses are one instance
 

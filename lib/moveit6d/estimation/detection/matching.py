@@ -16,7 +16,7 @@ from torch.nn import functional
 from ...config import MatchConfig
 from .templates import CELL, WIDTH, Describe, TemplateBank, Templates, colour_cells
 
-SAMPLES = 250  # places of each level from which a template's usual score is learnt
+SAMPLES = 100  # places of each level from which a template's usual score is learnt
 REACH = 2  # cells around a place in which each template finds its own best position
 SAME_PLACE = 0.35  # of the object's width: nearer peaks of nearly the same width are one place
 SAME_WIDTH = 1.43
@@ -276,9 +276,11 @@ class Matcher:
         """Mean cosine where each cell may match one cell beside where it should: (N,)."""
         k = self.bank.fine.cells
         windows = []
+        wide: dict[int, Tensor] = {}
         for level, row, column in positions:
-            padded = functional.pad(self._projected[level], [1] * 4)
-            windows.append(padded[:, row : row + k + 2, column : column + k + 2])
+            if level not in wide:
+                wide[level] = functional.pad(self._projected[level], [1] * 4)
+            windows.append(wide[level][:, row : row + k + 2, column : column + k + 2])
         window, kernels = torch.stack(windows), self.bank.fine.kernels[views]
         products = torch.stack([
             (window[..., dy : dy + k, dx : dx + k] * kernels).sum(1)

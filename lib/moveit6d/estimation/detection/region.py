@@ -19,7 +19,10 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 
 NEAR = 0.75  # widths of the object that one may have moved by, and still be near
-BOX_OVERLAP = 0.5  # intersection over union of a template's box and the given one at least
+# A template's box agrees with the given one if their intersection over union is so large, or, where
+# the given one shows a part of a covered object, if it holds nearly all of it and they differ by no
+# more.
+BOX_OVERLAP, COVERED, PART_OVERLAP = 0.5, 0.9, 0.3
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,8 @@ class SearchRegion:
         frame = self.frame()
         if frame is not None:
             edges = pixels.repeat(1, 2) + boxes * sizes[:, None]
-            allowed &= _overlap(edges, frame) >= BOX_OVERLAP
+            union, covered = _overlap(edges, frame)
+            allowed &= (union >= BOX_OVERLAP) | ((covered >= COVERED) & (union >= PART_OVERLAP))
         if self.near is not None:
             centre = _pixel(mesh, self.near, camera)
             width = _width(mesh, self.near, camera)
@@ -153,14 +157,17 @@ def _pixel(mesh: Mesh, pose: Pose, camera: Camera) -> Tensor:
     return camera.project(mesh.inner(pose.to(torch.float64)).translation).to(torch.float32)
 
 
-def _overlap(edges: Tensor, frame: tuple[float, float, float, float]) -> Tensor:
-    """Intersection over union of boxes (N, 4), given by edges, and one (x, y, width, height)."""
+def _overlap(edges: Tensor, frame: tuple[float, float, float, float]) -> tuple[Tensor, Tensor]:
+    """Of boxes (N, 4), given by edges, with one (x, y, width, height): their common part.
+
+    As shares of the union, and of the one box.
+    """
     x, y, width, height = frame
     across = (edges[:, 2].clamp(max=x + width) - edges[:, 0].clamp(min=x)).clamp(min=0)
     down = (edges[:, 3].clamp(max=y + height) - edges[:, 1].clamp(min=y)).clamp(min=0)
     common = across * down
     area = (edges[:, 2] - edges[:, 0]) * (edges[:, 3] - edges[:, 1])
-    return common / (area + width * height - common).clamp(min=1e-6)
+    return common / (area + width * height - common).clamp(min=1e-6), common / (width * height)
 
 
 def _numbers(values: Any, count: int, what: str) -> tuple[float, ...]:

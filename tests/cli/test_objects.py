@@ -1,0 +1,107 @@
+"""Several objects on the command line: units, starts, names, paint."""
+
+from __future__ import annotations
+
+import csv
+import json
+from argparse import Namespace
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from moveit6d import InputError, Pose
+from moveit6d.cli.main import main
+from moveit6d.cli.objects import load_meshes, object_names, read_starts, wants_paint
+
+FLAGS = {"allow_untextured": False, "texture_from_start": False}
+
+
+def test_names_are_file_names_and_numbered_where_they_are_the_same() -> None:
+    assert object_names([Path("a/cup.ply")]) == [""]
+    paths = [Path("cup.ply"), Path("can.ply"), Path("other/cup.glb")]
+    assert object_names(paths) == ["cup_1", "can", "cup_2"]
+
+
+def test_units_are_one_or_one_each(brick_file: Path) -> None:
+    meshes = load_meshes(Namespace(mesh=[brick_file] * 2, mesh_unit=["m"], **FLAGS))
+    assert len(meshes) == 2
+    with pytest.raises(InputError, match="3 times --mesh but 2 times --mesh_unit"):
+        load_meshes(Namespace(mesh=[brick_file] * 3, mesh_unit=["m", "mm"], **FLAGS))
+
+
+def test_starts_are_all_or_none(tmp_path: Path) -> None:
+    Pose.identity().save(tmp_path / "a.json")
+    assert read_starts(Namespace(start=None, exact_start=False), 2) == [None, None]
+    with pytest.raises(InputError, match="2 times --mesh but 1 times --start"):
+        read_starts(Namespace(start=[tmp_path / "a.json"], exact_start=False), 2)
+    with pytest.raises(InputError, match="give --start"):
+        read_starts(Namespace(start=None, exact_start=True), 1)
+
+
+def test_a_mesh_without_colours_is_not_passed_over(brick_file: Path, capsys: Any) -> None:
+    import trimesh
+
+    from moveit6d import Mesh
+
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    plain = Mesh.from_arrays("part", box.vertices, box.faces)
+    given = Namespace(start=["x"], texture_from_start=False)
+    assert not wants_paint(given, [plain])
+    assert "part has no colours" in capsys.readouterr().err
+    assert not wants_paint(given, [Mesh.load(brick_file)])
+    assert capsys.readouterr().err == ""
+    assert wants_paint(Namespace(start=["x"], texture_from_start=True), [plain])
+    with pytest.raises(InputError, match="give --start"):
+        wants_paint(Namespace(start=None, texture_from_start=True), [plain])
+
+
+def test_two_objects_are_tracked_side_by_side(
+    make_sequence: Callable[..., Any], scene: Any, use_oracle: Callable[..., None], tmp_path: Path,
+    capsys: Any,
+) -> None:  # fmt: skip
+    made = make_sequence("clip", frames=2, still=True)
+    use_oracle(scene.mesh, made.poses[0], targets=2)
+    mesh, start = str(made.folder / "mesh.ply"), str(made.folder / "start.json")
+    out = tmp_path / "out"
+    command = [
+        "track", "--mesh", mesh, "--mesh", mesh, "--mesh_unit", "m", "--video",
+        str(made.folder / "frames"), "--camera", str(made.folder / "camera.json"),
+        "--start", start, "--start", start, "--output", str(out),
+    ]  # fmt: skip
+    assert main(command) == 0
+    rows = list(csv.DictReader((out / "poses.csv").read_text().splitlines()))
+    assert [(row["frame"], row["object"]) for row in rows] == [
+        ("0", "mesh_1"), ("0", "mesh_2"), ("1", "mesh_1"), ("1", "mesh_2"),
+    ]  # fmt: skip
+    assert list(rows[0])[-2:] == ["object", "state"] and rows[0]["state"] == "tracking"
+    assert rows[0]["tx"] == rows[1]["tx"]
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["objects"]["mesh_2"]["states"] == {"tracking": 2}
+    assert "mesh_2: 2 frames, 0 failed" in capsys.readouterr().out
+    assert main([*command, "--report", str(tmp_path / "r.html")]) == 2
+    assert "are for one object" in capsys.readouterr().err
+
+
+def test_a_plain_mesh_is_painted_and_followed(
+    make_sequence: Callable[..., Any], scene: Any, tmp_path: Path
+) -> None:
+    import trimesh
+
+    made = make_sequence("clip", frames=4)
+    box = trimesh.creation.box((0.12, 0.08, 0.05))
+    box.apply_translation((0.03, -0.01, 0.02))
+    box.export(tmp_path / "plain.stl")
+    out = tmp_path / "out"
+    assert main([
+        "track", "--mesh", str(tmp_path / "plain.stl"), "--mesh_unit", "m", "--video",
+        str(made.folder / "frames"), "--camera", str(made.folder / "camera.json"),
+        "--start", str(made.folder / "start.json"), "--output", str(out), "--no_overlay",
+        "--texture_from_start",
+    ]) == 0  # fmt: skip
+    last = list(csv.DictReader((out / "poses.csv").read_text().splitlines()))[-1]
+    found = torch.tensor([float(last[k]) for k in ("tx", "ty", "tz")], dtype=torch.float64)
+    assert float((found - made.poses[-1].translation).norm()) < 0.02
+    assert last["state"] == "tracking"

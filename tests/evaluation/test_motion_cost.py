@@ -1,0 +1,19 @@
+"""Motion costs iterations; a still object costs one a frame."""
+
+from __future__ import annotations
+
+from moveit6d import load_policy, make_renderer
+from moveit6d.evaluation.motion_cost import MotionCost, motion_costs, motion_table
+from moveit6d.synthesis.objects.demo_object import demo_object
+
+
+def test_a_still_object_costs_one_iteration_and_a_fast_one_more() -> None:
+    still, fast = motion_costs(demo_object(), [0.0, 20.0], 4, load_policy(), make_renderer(), 0)
+    assert still.iterations <= 1.34 < fast.iterations + 0.34 and still.still >= 2 / 3
+    assert fast.iterations > still.iterations
+
+
+def test_the_table_has_a_line_a_speed() -> None:
+    text = motion_table([MotionCost(0.0, 1.0, 12.0, 1.0), MotionCost(5.0, 1.5, 20.0, 0.5)])
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines()[2:]]
+    assert rows == [["0", "1.00", "100 %", "12"], ["5", "1.50", "50 %", "20"]]

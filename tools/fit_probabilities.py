@@ -1,0 +1,174 @@
+"""Fits the two regressions that say how likely a pose is right: `JudgeConfig` and `StateConfig`.
+
+    python tools/fit_probabilities.py --meshes MESHES --photos PHOTOS [--weights FILE]
+
+On made pictures and sequences of training meshes that were held out (by the rule of
+`PairDataModule`), objects that are not there among them. Prints the weights and, cross-validated by
+mesh, the area under the ROC curve. To be run anew for a network with other weights; a few minutes
+a mesh.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from lightning_modules.pair_data_module import PairDataModule
+from moveit6d import Mesh, Pose, PoseDetector, PoseTracker, load_policy, make_renderer
+from moveit6d.config import RecoveryConfig, TrackerConfig
+from moveit6d.datasets.video import open_frames
+from moveit6d.estimation import TemplateStore
+from moveit6d.evaluation.metrics import ADD_LIMIT, add_s, auroc
+from moveit6d.policies import NetworkPolicy
+from moveit6d.synthesis.sequences.sequence import Scene
+
+DIFFICULTIES = ("occ", "fast", "hard")
+PHOTOS = 150  # read at most
+FRAMES = 44  # of a sequence
+GONE = range(16, 30)  # those that are other pictures
+BORDERLINE = 1.5  # errors between the limit and so many times it teach nothing
+RIDGE = 2.0
+NEVER = TrackerConfig(recovery=RecoveryConfig(enabled=False))
+
+
+@dataclass(frozen=True)
+class Example:
+    """A pose: its evidence, whether it is right, and of which mesh."""
+
+    evidence: tuple[float, float]
+    right: bool
+    mesh: str
+
+
+def main() -> None:
+    """Make, look, fit, print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--meshes", type=Path, required=True, help="training meshes, metres")
+    parser.add_argument("--photos", type=Path, required=True, help="backgrounds")
+    parser.add_argument("--weights", type=Path, help="weights file instead of the shipped one")
+    parser.add_argument("--pictures", type=int, default=2, help="of each mesh and difficulty")
+    parser.add_argument("--seed", type=int, default=0, help="of the pictures")
+    args = parser.parse_args()
+    torch.set_num_threads(1)
+    paths = PairDataModule(meshes=args.meshes).mesh_paths()[1]
+    meshes = [Mesh.load(path) for path in paths]
+    found = [frame.image for frame in open_frames(args.photos) if frame.image is not None]
+    photos = found[:: max(1, len(found) // PHOTOS)]
+    policy = load_policy(args.weights)
+    report("JudgeConfig", ("confidence", "similarity"),
+           list(candidates(meshes, photos, policy, args.pictures, args.seed)))  # fmt: skip
+    report("StateConfig", ("confidence", "agreement"),
+           list(tracked_frames(meshes, photos, policy, args.seed)))  # fmt: skip
+
+
+def candidates(
+    meshes: Sequence[Mesh], photos: Sequence[NDArray[np.uint8]], policy: NetworkPolicy,
+    pictures: int, seed: int,
+) -> Iterator[Example]:  # fmt: skip
+    """Where detections end, of the object in the picture and of one that is not there."""
+    renderer, store = make_renderer(), TemplateStore()
+    for number, mesh in enumerate(meshes):
+        other = meshes[(number + 1) % len(meshes)]
+        for order, difficulty in enumerate(DIFFICULTIES):
+            scene = Scene(mesh, seed + 10 * number + order, FRAMES, difficulty, photos)
+            for k in range(pictures):
+                frame = scene.render_frame(k * FRAMES // pictures)
+                for wanted in (mesh, other):
+                    detector = PoseDetector(
+                        wanted, scene.camera, policy=policy, renderer=renderer, store=store
+                    )
+                    seen = detector.detect(frame.image)
+                    for one in (*seen.instances, *seen.rejected):
+                        error = relative_error(mesh, one.pose, frame.pose)
+                        assert one.evidence is not None
+                        values = one.evidence.confidence, one.evidence.similarity
+                        yield from example(values, error if wanted is mesh else np.inf, wanted)
+
+
+def tracked_frames(
+    meshes: Sequence[Mesh], photos: Sequence[NDArray[np.uint8]], policy: NetworkPolicy, seed: int
+) -> Iterator[Example]:
+    """Frames of tracks in which the object goes away for a while."""
+    from PIL import Image
+
+    random = np.random.default_rng(seed)
+    for number, mesh in enumerate(meshes):
+        for order, difficulty in enumerate(DIFFICULTIES):
+            scene = Scene(mesh, seed + 500 + 10 * number + order, FRAMES, difficulty, photos)
+            size = (scene.camera.width, scene.camera.height)
+            tracker = PoseTracker(
+                mesh, scene.camera, scene.render_frame(0).pose, policy=policy, config=NEVER
+            )
+            for k in range(1, FRAMES):
+                frame = scene.render_frame(k)
+                image = frame.image
+                if k in GONE:
+                    photo = photos[int(random.integers(len(photos)))]
+                    image = np.array(Image.fromarray(photo).resize(size))
+                result = tracker.update(image)
+                if k == GONE[-1]:
+                    tracker.reset(frame.pose)
+                if result.pose is None or result.contour_agreement is None:
+                    continue
+                error = np.inf if k in GONE else relative_error(mesh, result.pose, frame.pose)
+                yield from example((result.confidence, result.contour_agreement), error, mesh)
+
+
+def relative_error(mesh: Mesh, found: Pose, true: Pose) -> float:
+    """ADD in diameters."""
+    points = torch.from_numpy(mesh.sample_points(500))
+    return float(add_s(found, true, points, False)) / mesh.diameter
+
+
+def example(values: tuple[float, float], error: float, mesh: Mesh) -> Iterator[Example]:
+    """An example, unless the pose is neither right nor wrong."""
+    if not ADD_LIMIT <= error < BORDERLINE * ADD_LIMIT:
+        yield Example(values, error < ADD_LIMIT, mesh.name)
+
+
+def report(name: str, names: Sequence[str], examples: Sequence[Example]) -> None:
+    """Print the weights, and how well those fitted without a mesh do on it."""
+    values = np.array([one.evidence for one in examples])
+    right = np.array([one.right for one in examples])
+    owner = np.array([one.mesh for one in examples])
+    chance = np.zeros(len(examples))
+    for mesh in sorted(set(owner)):
+        weights = fit(values[owner != mesh], right[owner != mesh])
+        chance[owner == mesh] = probability(weights, values[owner == mesh])
+    area = auroc(torch.from_numpy(chance), torch.from_numpy(right))
+    fitted = ", ".join(
+        f"{part} {value:.2f}"
+        for part, value in zip([*names, "intercept"], fit(values, right), strict=True)
+    )
+    print(f"{name}: {fitted} ({len(examples)} poses, {right.mean():.0%} right, AUROC {area:.3f})")
+
+
+def fit(values: NDArray[np.float64], right: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Weights (K + 1,), the intercept last, of a ridge logistic regression on values (N, K)."""
+    mean, spread = values.mean(0), values.std(0) + 1e-9
+    rows = np.column_stack([(values - mean) / spread, np.ones(len(values))])
+    ridge = np.diag([RIDGE] * values.shape[1] + [1e-6])
+    weights = np.zeros(rows.shape[1])
+    for _ in range(50):  # Newton's method
+        chance = 1 / (1 + np.exp(-rows @ weights))
+        slope = rows.T @ (chance - right) + ridge @ weights
+        curvature = (rows * (chance * (1 - chance))[:, None]).T @ rows + ridge
+        weights -= np.linalg.solve(curvature, slope)
+    scaled = weights[:-1] / spread
+    return np.append(scaled, weights[-1] - scaled @ mean)
+
+
+def probability(weights: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of being right (N,), by weights (K + 1,) and values (N, K)."""
+    chance: NDArray[np.float64] = 1 / (1 + np.exp(-(values @ weights[:-1] + weights[-1])))
+    return chance
+
+
+if __name__ == "__main__":
+    main()
