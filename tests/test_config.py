@@ -16,7 +16,6 @@ from moveit6d.config import (
     CalibrationConfig,
     ContourConfig,
     DetectorConfig,
-    JudgeConfig,
     LoopConfig,
     MatchConfig,
     MotionConfig,
@@ -27,13 +26,14 @@ from moveit6d.config import (
     StateConfig,
     TemplateConfig,
     TrackerConfig,
+    VerificationConfig,
 )
 from moveit6d.errors import InputError
 
 KINDS = (
     TrackerConfig, LoopConfig, MultiStartConfig, PerturbationConfig, MotionConfig, ContourConfig,
-    CalibrationConfig, SeedDetectorConfig, TemplateConfig, MatchConfig, JudgeConfig, DetectorConfig,
-    StateConfig, RecoveryConfig,
+    CalibrationConfig, SeedDetectorConfig, TemplateConfig, MatchConfig, VerificationConfig,
+    DetectorConfig, StateConfig, RecoveryConfig,
 )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Fits the two regressions that say how likely a pose is right: `JudgeConfig` and `StateConfig`.
+"""Fits the regressions that say how likely a pose is right, `VerificationConfig` and `StateConfig`.
 
     python tools/fit_probabilities.py --meshes MESHES --photos PHOTOS [--weights FILE]
 
@@ -61,7 +61,7 @@ def main() -> None:
     found = [frame.image for frame in open_frames(args.photos) if frame.image is not None]
     photos = found[:: max(1, len(found) // PHOTOS)]
     policy = load_policy(args.weights)
-    report("JudgeConfig", ("confidence", "similarity"),
+    report("VerificationConfig", ("confidence", "similarity"),
            list(candidates(meshes, photos, policy, args.pictures, args.seed)))  # fmt: skip
     report("StateConfig", ("confidence", "agreement"),
            list(tracked_frames(meshes, photos, policy, args.seed)))  # fmt: skip

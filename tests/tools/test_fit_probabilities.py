@@ -37,5 +37,5 @@ def test_borderline_poses_teach_nothing(tool: Any, brick: Any, capsys: Any) -> N
     found = [one.right for error in errors for one in tool.example((0.5, 0.5), error, brick)]
     assert found == [True, False, False]
     examples = [tool.Example((a, a), a > 0.5, name) for name in "xy" for a in np.linspace(0, 1, 40)]
-    tool.report("JudgeConfig", ("confidence", "similarity"), examples)
-    assert "JudgeConfig: confidence" in capsys.readouterr().out
+    tool.report("VerificationConfig", ("confidence", "similarity"), examples)
+    assert "VerificationConfig: confidence" in capsys.readouterr().out

@@ -34,6 +34,7 @@ from .resuming import earlier_rows, going_on
 
 if TYPE_CHECKING:
     from ..evaluation.run_tracker import TrackSummary
+    from ..geometry.mesh import Mesh
 
 DESCRIPTION = (
     """\
@@ -154,14 +155,10 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.run_tracker import TrackSummary, calibrating, run_tracker
     from .drawing import draw_step
 
-    meshes = load_meshes(args)
+    meshes = _meshes(args)
     starts, frames = read_starts(args, len(meshes)), open_frames(args.video)
     camera = camera_of(args, frames)
     check_report(args.report, frames)
-    if len(meshes) > 1 and (args.report or args.rerun or args.resume):
-        raise InputError(
-            "--report, --rerun and --resume are for one object; leave them out with several."
-        )
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
     # What is live and read ahead would show the past.
@@ -183,9 +180,7 @@ def run(args: argparse.Namespace) -> int:
     output = new_folder(args.output)
     records = [TrackSummary() for _ in meshes]
     earlier = earlier_rows(output, args)
-    movie_file = None if args.no_overlay else output / _movie_name(len(earlier))
-    if not earlier:
-        clear_earlier(output, [movie_file, args.report, args.rerun])
+    movie_file = _movie_file(output, args, len(earlier))
     for row in earlier:
         records[0].add_row(row)
     with (
@@ -209,6 +204,15 @@ def run(args: argparse.Namespace) -> int:
             if log is not None:
                 log.write(step.frame, step.row, step.error)
     return _verdict(records, names, output)
+
+
+def _meshes(args: argparse.Namespace) -> list[Mesh]:
+    """The objects; `InputError` where there are several and an option is for one."""
+    if len(args.mesh) > 1 and (args.report or args.rerun or args.resume):
+        raise InputError(
+            "--report, --rerun and --resume are for one object; leave them out with several."
+        )
+    return load_meshes(args)
 
 
 def _about(args: argparse.Namespace) -> dict[str, str]:
@@ -256,9 +260,16 @@ def _summary(
             write_json(path, facts)
 
 
-def _movie_name(first: int) -> str:
-    """A video cannot be gone on with: that of a resumed track has a name of its own."""
-    return f"overlay_{first:06d}.mp4" if first else "overlay.mp4"
+def _movie_file(output: Path, args: argparse.Namespace, first: int) -> Path | None:
+    """The overlay's file, if one is wanted; a track from frame 0 on removes what was there before.
+
+    A video cannot be gone on with: that of a resumed track has a name of its own.
+    """
+    name = f"overlay_{first:06d}.mp4" if first else "overlay.mp4"
+    file = None if args.no_overlay else output / name
+    if not first:
+        clear_earlier(output, [file, args.report, args.rerun])
+    return file
 
 
 def _movie(path: Path | None, fps: float | None) -> AbstractContextManager[Any]:

@@ -6,11 +6,11 @@ files, compared and sent to other processes.
 
 from .detection import (
     DetectorConfig,
-    JudgeConfig,
     MatchConfig,
     SeedDetectorConfig,
     SelectionCriterion,
     TemplateConfig,
+    VerificationConfig,
 )
 from .loop import MAX_ITERATIONS, ActionMode, LoopConfig, Mode
 from .recovery import RecoveryConfig, StateConfig
@@ -31,7 +31,7 @@ __all__ = [
     "CalibrationConfig",
     "ContourConfig",
     "DetectorConfig",
-    "JudgeConfig",
+    "VerificationConfig",
     "LoopConfig",
     "MatchConfig",
     "Mode",

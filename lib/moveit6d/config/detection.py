@@ -70,7 +70,7 @@ class MatchConfig:
 
 
 @dataclass(frozen=True)
-class JudgeConfig:
+class VerificationConfig:
     """The probability that a pose is right, by logistic regression on what is seen there.
 
     Fitted on candidates of searches in made pictures (motion blur, occlusion, clutter, tabletops,
@@ -96,14 +96,14 @@ class DetectorConfig:
     Args:
         templates: what a mesh is prepared for.
         match: how an image is searched.
-        judge: how poses are judged.
+        verification: how likely a refined pose is right.
         stages: of the tournament: how many candidates are refined, and by how many iterations.
         accepted: probability from which the object counts as found.
     """
 
     templates: TemplateConfig = field(default_factory=TemplateConfig)
     match: MatchConfig = field(default_factory=MatchConfig)
-    judge: JudgeConfig = field(default_factory=JudgeConfig)
+    verification: VerificationConfig = field(default_factory=VerificationConfig)
     stages: tuple[tuple[int, int], ...] = ((48, 1), (12, 2), (4, 6))
     accepted: float = 0.5
 

@@ -325,7 +325,7 @@ class PoseTracker(Generic[Results]):
         ]
 
     def _add(self, frame: Frame, number: int, result: Refined) -> TrackingResult:
-        """Refine the contour of a result, judge it and go on from it."""
+        """Refine the contour of a result, say how likely it is, and go on from it."""
         track, supervisor = self.tracks[number], self.supervisors[number]
         start = Start(frame, track.mesh, track.centred)
         result, histograms = refine_result(

@@ -4,9 +4,9 @@ Never tracks. `PoseDetector` is the door; the paper's own way is in `estimation.
 """
 
 from .detector import Detection, FoundPose, PoseDetector, default_store, detect_objects
-from .judge import Evidence
 from .region import SearchRegion
 from .templates import TemplateStore
+from .verification import Evidence
 
 __all__ = [
     "Detection",

@@ -1,7 +1,7 @@
-"""An object's pose in a single image from nothing, or from what is known: search, refine, judge.
+"""An object's pose in a single image from nothing, or from what is known: search, refine, verify.
 
 Never remembers anything of an image. Template matching over the whole image proposes candidates; a
-tournament of the refinement loop chooses between them; a judge says whether the object is there.
+tournament of the refinement loop chooses between them; verification says whether the object is there.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from ..results import Refined, Start, TrackingResult
 from ..seed_detector import SeedDetection, SeedDetector
 from ..seeding import seed_poses
 from ..visibility import check_start, start_problem
-from .judge import Evidence, similarities
 from .matching import Candidates, Matcher, Pyramid, ladder
 from .points import poses_from_points
 from .region import SearchRegion
 from .templates import WIDTH, TemplateBank, TemplateStore
+from .verification import Evidence, similarities
 
 BATCH = 8  # loops that run side by side: a step of a search under a time limit is one batch
 BACKGROUND = 0.6  # scale of the whole image in which a narrowed search learns what is usual
@@ -323,7 +323,7 @@ class PoseDetector:
         found = []
         for one, cosine in zip(refined, cosines, strict=True):
             evidence = Evidence(one.confidence, cosine)
-            probability = evidence.probability(self.config.judge)
+            probability = evidence.probability(self.config.verification)
             result = replace(one, confidence=probability).result(self.mesh)
             found.append(FoundPose(result, probability, evidence))
         return found

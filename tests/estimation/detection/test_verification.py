@@ -1,4 +1,4 @@
-"""The judge: rises with both kinds of evidence; similarity is high where the object is."""
+"""Verification: rises with both kinds of evidence; similarity is high where the object is."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from moveit6d import Pose, make_renderer
-from moveit6d.config import JudgeConfig
+from moveit6d.config import VerificationConfig
 from moveit6d.estimation.detection import Evidence
-from moveit6d.estimation.detection.judge import similarities
+from moveit6d.estimation.detection.verification import similarities
 from moveit6d.frame import prepare_frame
 from moveit6d.geometry.rotation import exp_so3
 from moveit6d.policies import NetworkPolicy
@@ -21,8 +21,8 @@ share = st.floats(0, 1)
 
 @given(share, share, share, share)
 def test_more_evidence_is_more_probable(a: float, b: float, c: float, d: float) -> None:
-    less = Evidence(min(a, b), min(c, d)).probability(JudgeConfig())
-    more = Evidence(max(a, b), max(c, d)).probability(JudgeConfig())
+    less = Evidence(min(a, b), min(c, d)).probability(VerificationConfig())
+    more = Evidence(max(a, b), max(c, d)).probability(VerificationConfig())
     assert 0 < less <= more < 1
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import torch
 from torch.nn import functional
 
-from ...config import JudgeConfig
+from ...config import VerificationConfig
 from ...frame import Frame
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
@@ -33,7 +33,7 @@ class Evidence:
     confidence: float
     similarity: float
 
-    def probability(self, config: JudgeConfig) -> float:
+    def probability(self, config: VerificationConfig) -> float:
         """That the pose is right."""
         total = (
             config.intercept
