@@ -1,7 +1,7 @@
 """An object's pose in a single image from nothing, or from what is known: search, refine, verify.
 
 Never remembers anything of an image. Template matching over the whole image proposes candidates; a
-tournament of the refinement loop chooses between them; verification says whether the object is there.
+tournament of the refinement loop chooses between them; verification says whether one is there.
 """
 
 from __future__ import annotations
