@@ -90,8 +90,6 @@ def run(args: argparse.Namespace) -> int:
         "start": folder / "start.json",
         "output": args.output / "track",
         "exact_start": True,
-        "allow_untextured": False,
-        "resume": False,
         "report": None,
         "rerun": None,
     }

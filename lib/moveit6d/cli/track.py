@@ -27,7 +27,7 @@ from .common import (
     weights_facts,
 )
 from .earlier import clear_earlier
-from .messages import progress
+from .messages import detail, progress
 from .reporting import check_report, reporting, rerun_log
 from .resuming import earlier_rows, going_on
 
@@ -119,6 +119,7 @@ def run(args: argparse.Namespace) -> int:
     from .drawing import draw_step
 
     mesh = Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
+    detail(f"mesh: {len(mesh.faces)} faces, {1000 * mesh.diameter:.1f} mm across")
     start, frames = Pose.load(args.start), open_frames(args.video)
     camera = camera_of(args, frames)
     check_report(args.report, frames)
