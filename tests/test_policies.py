@@ -156,6 +156,6 @@ def test_single_actions_are_not_turned() -> None:
 
 
 def test_policies_of_the_same_weights_share_what_torch_never_gives_back() -> None:
-    first, second = load_policy(), load_policy(mode=ActionMode.SINGLE)
-    assert first.network is second.network and first.mode is not second.mode
+    first, second = load_policy(), load_policy()
+    assert first.network is second.network and first is not second
     assert load_policy(compute="float32").network is load_policy(compute="float32").network
