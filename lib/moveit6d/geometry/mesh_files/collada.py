@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from .beside import find_beside, read_bytes
-from .content import MeshContent, MeshMaterial, MeshPart
+from .content import FileMaterial, MeshContent, MeshPart
 from .pictures import Picture, decode_picture
 
 UP_AXES = {"X_UP": "x", "Y_UP": "y", "Z_UP": "z"}
@@ -161,10 +161,10 @@ class _Looks:
         self._described.add(name)
         if picture is not None:
             path = str(shown.sampler.surface.image.path)
-            self.content.materials.append(MeshMaterial(name, path, picture.size))
+            self.content.materials.append(FileMaterial(name, path, picture.size))
         else:
             plain = None if color is None else tuple(color.tolist())
-            self.content.materials.append(MeshMaterial(name, color=plain))
+            self.content.materials.append(FileMaterial(name, color=plain))
 
 
 def _is_map(shown: Any) -> bool:

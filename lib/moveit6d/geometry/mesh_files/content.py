@@ -34,7 +34,7 @@ class MeshPart:
 
 
 @dataclass(frozen=True)
-class MeshMaterial:
+class FileMaterial:
     """A material by name: the picture that it shows and its size, or its plain colour."""
 
     name: str
@@ -57,7 +57,7 @@ class MeshContent:
     allow_untextured: bool = False
     allow_flat: bool = False
     parts: list[MeshPart] = field(default_factory=list)
-    materials: list[MeshMaterial] = field(default_factory=list)
+    materials: list[FileMaterial] = field(default_factory=list)
     named: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)  # for `doctor`: harmless, but good to know

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
-from .content import MeshContent, MeshMaterial, MeshPart
+from .content import FileMaterial, MeshContent, MeshPart
 from .cutout import cut_out
 from .gltf_buffers import GltfFile
 from .pictures import Picture, decode_picture, tinted, to_linear, to_srgb
@@ -155,7 +155,7 @@ class Looks:
         color = None if picture is not None else tuple(int(one) for one in to_srgb(factor))
         shown = "" if picture is None or info is None else f"texture {info['index']}"
         size = (0, 0) if picture is None else picture.size
-        self.content.materials.append(MeshMaterial(name, shown, size, color))
+        self.content.materials.append(FileMaterial(name, shown, size, color))
 
 
 def _shown(entry: dict[str, Any]) -> tuple[dict[str, Any] | None, NDArray[np.float64]]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from .beside import find_beside, read_bytes
-from .content import MeshContent, MeshMaterial, MeshPart
+from .content import FileMaterial, MeshContent, MeshPart
 from .cutout import cut_out
 from .mtl import Map, MtlMaterial
 from .pictures import Picture, decode_picture
@@ -202,13 +202,13 @@ def _plain(
     return part
 
 
-def _facts(material: MtlMaterial, picture: Picture | None) -> MeshMaterial:
+def _facts(material: MtlMaterial, picture: Picture | None) -> FileMaterial:
     if picture is not None and material.picture is not None:
-        return MeshMaterial(material.name, material.picture.name, picture.size)
+        return FileMaterial(material.name, material.picture.name, picture.size)
     if material.color is None:
-        return MeshMaterial(material.name)
+        return FileMaterial(material.name)
     color = np.rint(255 * np.asarray(material.color)).clip(0, 255).astype(int)
-    return MeshMaterial(material.name, color=tuple(color.tolist()))
+    return FileMaterial(material.name, color=tuple(color.tolist()))
 
 
 def _listed(names: dict[str, MtlMaterial]) -> str:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from .beside import find_beside, read_bytes
-from .content import MeshContent, MeshMaterial, MeshPart
+from .content import FileMaterial, MeshContent, MeshPart
 from .pictures import Picture, decode_picture
 from .polygons import triangulated
 
@@ -63,7 +63,7 @@ def read_ply(content: MeshContent) -> None:
     points = np.stack([vertex[axis].astype(np.float64) for axis in "xyz"], -1)
     lists = next((face[name] for name in INDEX_NAMES if name in face), None)
     if lists is None and "tristrips" in tables:
-        lists = _strips(next(iter(tables["tristrips"].values())))
+        lists = _from_tristrips(next(iter(tables["tristrips"].values())))
     if lists is None or not len(lists[0]):
         raise InputError(f"{content.path}: holds no faces; a mesh of triangles is needed.")
     counts, corners = lists[0], lists[1].astype(np.int64)
@@ -147,7 +147,7 @@ def _textures(content: MeshContent, names: list[str]) -> list[Picture | None]:
             except InputError as error:
                 content.lost(str(error).rstrip("."), "save it as PNG")
         if picture is not None:
-            content.materials.append(MeshMaterial(f"picture {name}", name, picture.size))
+            content.materials.append(FileMaterial(f"picture {name}", name, picture.size))
         found.append(picture)
     return found
 
@@ -348,7 +348,7 @@ def _even(data: bytes, place: int, order: str, element: Element) -> dict[str, An
     return table
 
 
-def _strips(lists: Lists) -> Lists:
+def _from_tristrips(lists: Lists) -> Lists:
     """Triangle strips, separated by −1, as triangles."""
     found: list[int] = []
     strip: list[int] = []
