@@ -52,7 +52,7 @@ def test_good_frames_get_poses(scene: Any, tracker: PoseTracker) -> None:
         (None, "cannot be read"),
         (np.zeros((100, 160, 3), np.uint8), "160×100 but the camera is 160×120"),
         (np.full((120, 160, 3), np.nan), "not finite"),
-        (np.zeros((120, 160), np.uint8), "expected shape"),
+        (np.zeros((120, 160, 2), np.uint8), "expected shape"),
     ],
 )
 def test_a_bad_frame_fails_alone(scene: Any, tracker: PoseTracker, image: Any, words: str) -> None:
