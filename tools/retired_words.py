@@ -45,6 +45,7 @@ IDENTIFIERS = {
     "stand_in": "surrogate",
     "stand_ins": "surrogates",
     "shoot": "render_frame",
+    "strips": "snapshots",
     "plain_camera": "default_camera",
     "accumulate": "metrics",
     "cycle": "iteration",
