@@ -51,6 +51,7 @@ class FitCLI(LightningCLI):
                 "checkpoint.every_n_train_steps": EVERY,
                 "checkpoint.save_last": True,
                 "checkpoint.save_top_k": 0,
+                "checkpoint.save_on_exception": True,  # Ctrl-C and SIGTERM lose nothing
                 "export.every_n_steps": EVERY,
             }
         )

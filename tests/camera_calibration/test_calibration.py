@@ -27,7 +27,7 @@ def rays(camera: Camera) -> NDArray[np.float64]:
     x, y = np.meshgrid(np.arange(2 * WIDTH), np.arange(2 * HEIGHT))
     pixels = ((np.stack([x, y], -1).reshape(-1, 1, 2) + 0.5) / 2 - 0.5).astype(np.float64)
     module = cv2.fisheye if camera.distortion_model == "fisheye" else cv2
-    plane = module.undistortPoints(pixels, camera.matrix().numpy(), np.array(camera.distortion))
+    plane = module.undistortPoints(pixels, camera.matrix.numpy(), np.array(camera.distortion))
     return np.column_stack([plane.reshape(-1, 2), np.ones(len(pixels))])
 
 
@@ -80,8 +80,8 @@ def test_the_camera_that_took_the_photos_comes_back(
     x, y = np.meshgrid(np.linspace(-0.4, 0.4, 9), np.linspace(-0.3, 0.3, 7))
     points = np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)])
     assert camera.lens is not None and result.camera.lens is not None
-    expected = camera.lens.project(points, camera.matrix().numpy())
-    landed = result.camera.lens.project(points, result.camera.matrix().numpy())
+    expected = camera.lens.project(points, camera.matrix.numpy())
+    landed = result.camera.lens.project(points, result.camera.matrix.numpy())
     apart = expected - landed - (expected - landed).mean(0)
     assert np.sqrt((apart**2).sum(1).mean()) < 1.3
 
@@ -98,7 +98,7 @@ def synthetic_views(count: int, noise: float = 0.05, bad: int = 0) -> list[Corne
         centre = np.array([*random.uniform(-0.3, 0.3, 2) * depth, depth])
         points = (places - (2.5, 3.5, 0)) @ turn.as_matrix().T + centre
         assert STANDARD.lens is not None
-        pixels = STANDARD.lens.project(points, STANDARD.matrix().numpy())
+        pixels = STANDARD.lens.project(points, STANDARD.matrix.numpy())
         scale = 8.0 if number < bad else noise
         views.append(
             Corners((pixels + random.normal(0, scale, pixels.shape)).astype(np.float32), places)

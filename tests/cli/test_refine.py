@@ -156,7 +156,7 @@ def test_an_interrupted_run_is_gone_on_with(
     assert len(calls) == 2, "one image was done before"
     assert not list(tmp_path.glob("*.unfinished"))
     for one, other in zip(read_results(tmp_path / "refined.csv"), whole, strict=True):
-        torch.testing.assert_close(one.pose.matrix(), other.pose.matrix())
+        torch.testing.assert_close(one.pose.matrix, other.pose.matrix)
 
 
 def test_a_place_that_cannot_be_written_is_said_before_the_work(

@@ -8,7 +8,7 @@ from PIL import Image
 
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh, bounding_sphere, largest_distance, sphere_diameters
-from moveit6d.geometry.mesh_files.content import Part
+from moveit6d.geometry.mesh_files.content import MeshPart
 from moveit6d.geometry.mesh_files.join import join
 from moveit6d.geometry.pose import Pose
 from tests.support import meshes
@@ -166,8 +166,8 @@ def test_several_textures_are_packed_into_one(tmp_path):
 
 def test_parts_that_share_a_texture_keep_it_as_it_is():
     vertices, faces, uv, _ = meshes.box_arrays()
-    part = Part(vertices, faces, 3 * uv.astype(np.float32), TEXTURE)
-    joined = join([part, Part(vertices + 1, faces, uv.astype(np.float32), TEXTURE.copy())])
+    part = MeshPart(vertices, faces, 3 * uv.astype(np.float32), TEXTURE)
+    joined = join([part, MeshPart(vertices + 1, faces, uv.astype(np.float32), TEXTURE.copy())])
     np.testing.assert_array_equal(joined.texture, TEXTURE)
     np.testing.assert_array_equal(joined.uv, np.concatenate([3 * uv, uv]).astype(np.float32))
     np.testing.assert_array_equal(joined.faces, np.concatenate([faces, faces + 24]))
@@ -176,7 +176,7 @@ def test_parts_that_share_a_texture_keep_it_as_it_is():
 def test_large_textures_are_reduced_to_fit_one_atlas():
     vertices, faces, uv, _ = meshes.box_arrays()
     parts = [
-        Part(vertices, faces, uv.astype(np.float32), np.full((2048, 2048, 3), grey, np.uint8))
+        MeshPart(vertices, faces, uv.astype(np.float32), np.full((2048, 2048, 3), grey, np.uint8))
         for grey in range(40, 45)
     ]
     joined = join(parts)

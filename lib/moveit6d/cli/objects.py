@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from .messages import note
+from .messages import detail, note
 
 if TYPE_CHECKING:
     from ..datasets.video import VideoFrame
@@ -33,10 +33,13 @@ def load_meshes(args: argparse.Namespace) -> list[Mesh]:
         )
     units = units * len(args.mesh) if len(units) == 1 else units
     plain = args.allow_untextured or args.texture_from_start
-    return [
+    meshes = [
         Mesh.load(path, unit, allow_untextured=plain)
         for path, unit in zip(args.mesh, units, strict=True)
     ]
+    for path, mesh in zip(args.mesh, meshes, strict=True):
+        detail(f"mesh: {path}, {len(mesh.faces)} faces, {1000 * mesh.diameter:.1f} mm across")
+    return meshes
 
 
 def read_starts(args: argparse.Namespace, count: int) -> list[Pose | None]:

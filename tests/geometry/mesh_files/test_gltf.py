@@ -170,7 +170,7 @@ def test_quantised_positions_and_coordinates(tmp_path: Path) -> None:
     assert all_right(load(glb, tmp_path))
 
 
-def test_nodes_scenes_strips_skins_and_mirrors(tmp_path: Path) -> None:
+def test_nodes_scenes_and_mirrors(tmp_path: Path) -> None:
     glb = textured_glb()
     glb.json["nodes"] = [
         {"children": [1], "translation": [0.1, 0.2, 0.3], "rotation": [0, 0, 0.6, 0.8]},
@@ -185,7 +185,7 @@ def test_nodes_scenes_strips_skins_and_mirrors(tmp_path: Path) -> None:
     assert ((np.cross(b - a, c - a) * (a + b + c)).sum(1) > 0).all()  # faces still look outwards
 
 
-def test_strips_and_fans(tmp_path: Path) -> None:
+def test_other_modes_of_triangles(tmp_path: Path) -> None:
     sheet = np.array([[0, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0], [2, 0, 0]], "<f4") / 10
     for mode, count, area in ((5, 3, 0.015), (6, 3, None)):
         glb = Glb()

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .content import Part
+from .content import MeshPart
 from .pictures import to_linear, to_srgb
 
 MAX_SIDE = 4096
@@ -19,7 +19,7 @@ LEAST = 2 + 2 * BORDER  # side of a patch
 BLOCK = 1 << 22  # texels that are worked on at once
 
 
-def charted(part: Part) -> Part:
+def charted(part: MeshPart) -> MeshPart:
     """The part with a texture made of its vertex colours, times its own texture if it has one.
 
     A part with too many faces for a texture gets a colour per vertex instead.
@@ -28,7 +28,7 @@ def charted(part: Part) -> Part:
     columns = math.ceil(math.sqrt(count))
     side = min(MAX_SIDE // columns, _natural(part))
     if side < LEAST:
-        return Part(part.vertices, part.faces, colors=_per_vertex(part))
+        return MeshPart(part.vertices, part.faces, colors=_per_vertex(part))
     weights = _weights(side)  # (S², 3)
     rows = math.ceil(count / columns)
     patches = np.zeros((rows * columns, side * side, 3), np.uint8)
@@ -39,7 +39,7 @@ def charted(part: Part) -> Part:
         )
     texture = patches.reshape(rows, columns, side, side, 3).swapaxes(1, 2)
     texture = texture.reshape(rows * side, columns * side, 3)
-    return Part(
+    return MeshPart(
         part.vertices[part.faces.reshape(-1)],
         np.arange(3 * count).reshape(-1, 3),
         _coordinates(count, columns, side, texture.shape[1], texture.shape[0]),
@@ -47,7 +47,7 @@ def charted(part: Part) -> Part:
     )
 
 
-def _natural(part: Part) -> int:
+def _natural(part: MeshPart) -> int:
     """The patch side at which the finest face of the part's own texture loses nothing."""
     if part.texture is None or part.uv is None:
         return 16
@@ -67,7 +67,7 @@ def _weights(side: int) -> NDArray[np.float64]:
 
 
 def _painted(
-    part: Part, faces: NDArray[np.int64], weights: NDArray[np.float64]
+    part: MeshPart, faces: NDArray[np.int64], weights: NDArray[np.float64]
 ) -> NDArray[np.uint8]:
     """Colours (F, S², 3) of the patches of some faces."""
     light = np.ones((len(faces), len(weights), 3))
@@ -113,7 +113,7 @@ def _coordinates(
     return np.stack([x, 1 - y], -1).reshape(-1, 2).astype(np.float32)
 
 
-def _per_vertex(part: Part) -> NDArray[np.uint8]:
+def _per_vertex(part: MeshPart) -> NDArray[np.uint8]:
     light = np.ones((len(part.vertices), 3))
     if part.colors is not None:
         light = to_linear(part.colors)

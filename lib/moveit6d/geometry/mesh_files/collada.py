@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from .beside import find_beside, read_bytes
-from .content import Material, MeshContent, Part
+from .content import FileMaterial, MeshContent, MeshPart
 from .pictures import Picture, decode_picture
 
 UP_AXES = {"X_UP": "x", "Y_UP": "y", "Z_UP": "z"}
@@ -61,7 +61,7 @@ def _add(content: MeshContent, bound: Any, looks: _Looks) -> None:
         if index.ndim != 2 or index.shape[1] != 3 or not len(index):
             continue
         points = np.asarray(triangles.vertex, np.float64)[index.reshape(-1)]
-        part = Part(points, np.arange(len(points)).reshape(-1, 3))
+        part = MeshPart(points, np.arange(len(points)).reshape(-1, 3))
         content.parts.append(looks.applied(part, triangles))
 
 
@@ -73,7 +73,7 @@ class _Looks:
         self._pictures: dict[str, Picture | None] = {}
         self._described: set[str] = set()
 
-    def applied(self, part: Part, triangles: Any) -> Part:
+    def applied(self, part: MeshPart, triangles: Any) -> MeshPart:
         """The part with its picture, vertex colours or plain colour."""
         colors = self._vertex_colors(triangles)
         material = triangles.material
@@ -161,10 +161,10 @@ class _Looks:
         self._described.add(name)
         if picture is not None:
             path = str(shown.sampler.surface.image.path)
-            self.content.materials.append(Material(name, path, picture.size))
+            self.content.materials.append(FileMaterial(name, path, picture.size))
         else:
             plain = None if color is None else tuple(color.tolist())
-            self.content.materials.append(Material(name, color=plain))
+            self.content.materials.append(FileMaterial(name, color=plain))
 
 
 def _is_map(shown: Any) -> bool:

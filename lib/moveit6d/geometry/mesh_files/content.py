@@ -17,7 +17,7 @@ ALLOW = "pass --allow_untextured (in Python allow_untextured=True) to go on with
 
 
 @dataclass
-class Part:
+class MeshPart:
     """Triangles of one material. Without `texture`, `colors` and `color` the file says nothing.
 
     `texture` (with `uv`, v up) and `colors` together mean their product in linear light; `color`
@@ -34,7 +34,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Material:
+class FileMaterial:
     """A material by name: the picture that it shows and its size, or its plain colour."""
 
     name: str
@@ -56,8 +56,8 @@ class MeshContent:
     path: Path
     allow_untextured: bool = False
     allow_flat: bool = False
-    parts: list[Part] = field(default_factory=list)
-    materials: list[Material] = field(default_factory=list)
+    parts: list[MeshPart] = field(default_factory=list)
+    materials: list[FileMaterial] = field(default_factory=list)
     named: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)  # for `doctor`: harmless, but good to know

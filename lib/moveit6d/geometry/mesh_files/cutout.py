@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .content import Part
+from .content import MeshPart
 
 FINEST = 256  # cells a side that a mask is reduced to
 MOST_FACES = 300_000  # further cuts are left out
@@ -18,7 +18,7 @@ MOST_FACES = 300_000  # further cuts are left out
 Corners = NDArray[np.float64]
 
 
-def cut_out(part: Part, alpha: NDArray[np.uint8], cutoff: float) -> Part:
+def cut_out(part: MeshPart, alpha: NDArray[np.uint8], cutoff: float) -> MeshPart:
     """The part without what lies where `alpha` (H, W) is below `cutoff` (0 to 255).
 
     Faces at the mask's edge are quartered until they are as small as the mask's cells.
@@ -80,11 +80,11 @@ def _quartered(corners: Corners) -> Corners:
     return np.concatenate([np.stack(quarter, 1) for quarter in quarters])
 
 
-def _part(part: Part, corners: Corners) -> Part:
+def _part(part: MeshPart, corners: Corners) -> MeshPart:
     flat = corners.reshape(-1, corners.shape[-1])
     values, faces = np.unique(flat, axis=0, return_inverse=True)
     colors = None if part.colors is None else np.rint(values[:, 5:]).astype(np.uint8)
-    return Part(
+    return MeshPart(
         values[:, :3], faces.reshape(-1, 3), values[:, 3:5].astype(np.float32), part.texture,
         colors, part.color, part.wrap,
     )  # fmt: skip

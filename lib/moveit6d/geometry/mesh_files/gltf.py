@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from .compression import draco_attributes
-from .content import MeshContent, Part
+from .content import MeshContent, MeshPart
 from .gltf_buffers import REMEDY, GltfFile, open_gltf
 from .gltf_materials import Looks
 
@@ -95,7 +95,7 @@ def _joints(file: GltfFile, skin: int, placed: dict[int, Matrix]) -> NDArray[np.
 def _part(
     file: GltfFile, primitive: dict[str, Any], weights: list[float], matrix: Matrix,
     joints: NDArray[np.float64] | None, looks: Looks,
-) -> Part | None:  # fmt: skip
+) -> MeshPart | None:  # fmt: skip
     """One primitive in the scene's frame; None for points and lines."""
     mode = primitive.get("mode", TRIANGLES)
     if mode not in (TRIANGLES, STRIP, FAN):
@@ -119,7 +119,7 @@ def _part(
         points = points @ matrix[:3, :3].T + matrix[:3, 3]
         if np.linalg.det(matrix[:3, :3]) < 0:
             triangles = triangles[:, ::-1]
-    part = Part(points, np.ascontiguousarray(triangles))
+    part = MeshPart(points, np.ascontiguousarray(triangles))
     return looks.applied(part, primitive.get("material"), attributes)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
-from .content import Material, MeshContent, Part
+from .content import FileMaterial, MeshContent, MeshPart
 from .cutout import cut_out
 from .gltf_buffers import GltfFile
 from .pictures import Picture, decode_picture, tinted, to_linear, to_srgb
@@ -34,8 +34,8 @@ class Looks:
         self._described: set[int] = set()
 
     def applied(
-        self, part: Part, material: int | None, attributes: dict[str, NDArray[Any]]
-    ) -> Part:
+        self, part: MeshPart, material: int | None, attributes: dict[str, NDArray[Any]]
+    ) -> MeshPart:
         """The part with its texture, its vertex colours and its factor."""
         light = self._vertex_light(attributes)
         if material is None:
@@ -58,10 +58,10 @@ class Looks:
         return self._textured(part, entry, info or {}, picture, factor, light, attributes, name)
 
     def _textured(
-        self, part: Part, entry: dict[str, Any], info: dict[str, Any], picture: Picture,
+        self, part: MeshPart, entry: dict[str, Any], info: dict[str, Any], picture: Picture,
         factor: NDArray[np.float64], light: NDArray[np.float64] | None,
         attributes: dict[str, NDArray[Any]], name: str,
-    ) -> Part:  # fmt: skip
+    ) -> MeshPart:  # fmt: skip
         transform = (info.get("extensions") or {}).get("KHR_texture_transform") or {}
         number = transform.get("texCoord", info.get("texCoord", 0))
         coordinates = attributes.get(f"TEXCOORD_{number}")
@@ -155,7 +155,7 @@ class Looks:
         color = None if picture is not None else tuple(int(one) for one in to_srgb(factor))
         shown = "" if picture is None or info is None else f"texture {info['index']}"
         size = (0, 0) if picture is None else picture.size
-        self.content.materials.append(Material(name, shown, size, color))
+        self.content.materials.append(FileMaterial(name, shown, size, color))
 
 
 def _shown(entry: dict[str, Any]) -> tuple[dict[str, Any] | None, NDArray[np.float64]]:

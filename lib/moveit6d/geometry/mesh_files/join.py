@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .charts import charted
-from .content import Part
+from .content import MeshPart
 from .pictures import tinted, to_linear
 
 PLAIN = (160, 160, 160)  # a surface without any colour of its own
@@ -33,7 +33,7 @@ class Surface:
     colors: NDArray[np.uint8] | None = None  # (V, 3)
 
 
-def join(parts: list[Part]) -> Surface:
+def join(parts: list[MeshPart]) -> Surface:
     """All parts as one surface, their textures packed into one atlas.
 
     A texture that repeats is laid out as often as its faces need. A part whose colours vary from
@@ -60,27 +60,27 @@ def join(parts: list[Part]) -> Surface:
     return surface
 
 
-def _single(part: Part) -> Part:
+def _single(part: MeshPart) -> MeshPart:
     """The part with a texture or colours, not both."""
     if part.texture is None or part.uv is None:
         colors = part.colors
         if colors is None:
             color = PLAIN if part.color is None else part.color
             colors = np.tile(np.asarray(color, np.uint8), (len(part.vertices), 1))
-        return Part(part.vertices, part.faces, colors=colors)
+        return MeshPart(part.vertices, part.faces, colors=colors)
     if part.colors is None:
         return part
     if not _varies(part):
         texture = tinted(part.texture, to_linear(part.colors[0]))
-        return Part(part.vertices, part.faces, part.uv, texture, wrap=part.wrap)
+        return MeshPart(part.vertices, part.faces, part.uv, texture, wrap=part.wrap)
     return charted(part)
 
 
-def _varies(part: Part) -> bool:
+def _varies(part: MeshPart) -> bool:
     return part.colors is not None and bool((part.colors != part.colors[:1]).any())
 
 
-def _geometry(parts: list[Part]) -> Surface:
+def _geometry(parts: list[MeshPart]) -> Surface:
     starts = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
     return Surface(
         np.concatenate([part.vertices for part in parts]),
@@ -88,25 +88,25 @@ def _geometry(parts: list[Part]) -> Surface:
     )
 
 
-def _textured(parts: list[Part], texture: NDArray[np.uint8] | None) -> Surface:
+def _textured(parts: list[MeshPart], texture: NDArray[np.uint8] | None) -> Surface:
     surface = _geometry(parts)
     surface.texture = texture
     surface.uv = np.concatenate([part.uv for part in parts if part.uv is not None])
     return surface
 
 
-def _colored(parts: list[Part]) -> Surface:
+def _colored(parts: list[MeshPart]) -> Surface:
     surface = _geometry(parts)
     surface.colors = np.concatenate([_vertex_colors(part) for part in parts])
     return surface
 
 
-def _flat(part: Part) -> Part:
+def _flat(part: MeshPart) -> MeshPart:
     """The part with texture coordinates in [0, 1]: what repeats is laid out in its texture."""
     if part.texture is None or part.uv is None:
         return part
     if part.uv.min() >= -1e-3 and part.uv.max() <= 1 + 1e-3:
-        return Part(part.vertices, part.faces, part.uv.clip(0, 1), part.texture)
+        return MeshPart(part.vertices, part.faces, part.uv.clip(0, 1), part.texture)
     corners = part.uv[part.faces].astype(np.float64)  # (F, 3, 2)
     shift = np.zeros((len(part.faces), 2), np.int64)  # whole tiles that a face can be moved by
     for axis, wrap in enumerate(part.wrap):
@@ -120,7 +120,7 @@ def _flat(part: Part) -> Part:
     if (high - low).prod() > MAX_REPEATS:
         mean = part.texture.reshape(-1, 3).mean(0)
         colors = np.tile(np.rint(mean).astype(np.uint8), (len(part.vertices), 1))
-        return Part(part.vertices, part.faces, colors=colors)
+        return MeshPart(part.vertices, part.faces, colors=colors)
     texture = _laid_out(part.texture, low, high, part.wrap)
     key = np.concatenate(
         [part.faces.reshape(-1, 1), np.repeat(shift, 3, axis=0)], 1
@@ -128,7 +128,7 @@ def _flat(part: Part) -> Part:
     _, first, faces = np.unique(key, axis=0, return_index=True, return_inverse=True)
     uv = ((moved - low) / (high - low)).reshape(-1, 2)[first].clip(0, 1)
     vertices = part.vertices[part.faces.reshape(-1)[first]]
-    return Part(vertices, faces.reshape(-1, 3), uv.astype(np.float32), texture)
+    return MeshPart(vertices, faces.reshape(-1, 3), uv.astype(np.float32), texture)
 
 
 def _laid_out(
@@ -145,7 +145,7 @@ def _laid_out(
     return np.pad(padded, (rows, (0, 0), (0, 0)), mode=PADDING[wrap[1]])  # type: ignore
 
 
-def _atlas(parts: list[Part]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+def _atlas(parts: list[MeshPart]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
     """One texture that holds all (each once, plain colours as one texel), and every part's uv."""
     tiles: dict[bytes, NDArray[np.uint8]] = {}
     keys = []
@@ -184,7 +184,7 @@ def _reduced(tile: NDArray[np.uint8], total: int) -> NDArray[np.uint8]:
     return np.asarray(Image.fromarray(tile).reduce(factor), np.uint8) if factor > 1 else tile
 
 
-def _vertex_colors(part: Part) -> NDArray[np.uint8]:
+def _vertex_colors(part: MeshPart) -> NDArray[np.uint8]:
     if part.colors is not None:
         return part.colors
     assert part.texture is not None and part.uv is not None

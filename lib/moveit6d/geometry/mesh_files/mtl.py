@@ -1,4 +1,4 @@
-"""Material libraries (MTL) of OBJ files, as exporters and people write them.
+"""FileMaterial libraries (MTL) of OBJ files, as exporters and people write them.
 
 Never opens pictures; `obj` does. Format: Wavefront, "Object Files", appendix B2.
 """

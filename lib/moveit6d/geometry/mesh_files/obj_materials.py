@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from .beside import find_beside, read_bytes
-from .content import Material, MeshContent, Part
+from .content import FileMaterial, MeshContent, MeshPart
 from .cutout import cut_out
 from .mtl import Map, MtlMaterial
 from .pictures import Picture, decode_picture
@@ -173,7 +173,7 @@ def _without_coordinates(
 def _textured(
     geometry: ObjGeometry, vertex: NDArray[np.int64], uv_at: NDArray[np.int64],
     picture: Picture, entry: Map,
-) -> Part:  # fmt: skip
+) -> MeshPart:  # fmt: skip
     """Corners of the same vertex and the same texture coordinates become one vertex."""
     key = vertex * (len(geometry.uv) + 1) + uv_at
     unique, corners = np.unique(key.reshape(-1), return_inverse=True)
@@ -183,15 +183,17 @@ def _textured(
     if (entry.base, entry.gain) != (0.0, 1.0):
         pixels = (255 * entry.base + entry.gain * pixels).round().clip(0, 255).astype(np.uint8)
     wrap = "clamp" if entry.clamp else "repeat"
-    return Part(
+    return MeshPart(
         geometry.points[points], corners.reshape(-1, 3), uv.astype(np.float32), pixels,
         wrap=(wrap, wrap),
     )  # fmt: skip
 
 
-def _plain(geometry: ObjGeometry, vertex: NDArray[np.int64], material: MtlMaterial | None) -> Part:
+def _plain(
+    geometry: ObjGeometry, vertex: NDArray[np.int64], material: MtlMaterial | None
+) -> MeshPart:
     used, faces = np.unique(vertex.reshape(-1), return_inverse=True)
-    part = Part(geometry.points[used], faces.reshape(-1, 3))
+    part = MeshPart(geometry.points[used], faces.reshape(-1, 3))
     if geometry.colors is not None:
         part.colors = geometry.colors[used]
     elif material is not None and material.color is not None:
@@ -200,13 +202,13 @@ def _plain(geometry: ObjGeometry, vertex: NDArray[np.int64], material: MtlMateri
     return part
 
 
-def _facts(material: MtlMaterial, picture: Picture | None) -> Material:
+def _facts(material: MtlMaterial, picture: Picture | None) -> FileMaterial:
     if picture is not None and material.picture is not None:
-        return Material(material.name, material.picture.name, picture.size)
+        return FileMaterial(material.name, material.picture.name, picture.size)
     if material.color is None:
-        return Material(material.name)
+        return FileMaterial(material.name)
     color = np.rint(255 * np.asarray(material.color)).clip(0, 255).astype(int)
-    return Material(material.name, color=tuple(color.tolist()))
+    return FileMaterial(material.name, color=tuple(color.tolist()))
 
 
 def _listed(names: dict[str, MtlMaterial]) -> str:

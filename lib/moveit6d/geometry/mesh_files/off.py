@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from .beside import decoded, read_bytes
-from .content import MeshContent, Part
+from .content import MeshContent, MeshPart
 from .polygons import triangulated
 
 HEAD = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF\b", re.ASCII)
@@ -50,7 +50,7 @@ def read_off(content: MeshContent) -> None:
 
 def _part(
     content: MeshContent, rows: list[list[float]], polygons: list[list[float]], normals: bool
-) -> Part:
+) -> MeshPart:
     points = np.array([row[:3] for row in rows])
     counts = np.array([int(polygon[0]) for polygon in polygons])
     corners = np.array([int(v) for p in polygons for v in p[1 : 1 + int(p[0])]], np.int64)
@@ -62,13 +62,13 @@ def _part(
     colors = _colors([row[first : first + 3] for row in rows])
     if colors is not None:
         content.name("vertex colours")
-        return Part(points, faces, colors=colors)
+        return MeshPart(points, faces, colors=colors)
     colors = _colors([polygon[1 + int(polygon[0]) :][:3] for polygon in polygons])
     if colors is None:
-        return Part(points, faces)
+        return MeshPart(points, faces)
     content.name("face colours")
     split = np.arange(3 * len(faces)).reshape(-1, 3)
-    return Part(points[faces].reshape(-1, 3), split, colors=np.repeat(colors[owner], 3, axis=0))
+    return MeshPart(points[faces].reshape(-1, 3), split, colors=np.repeat(colors[owner], 3, axis=0))
 
 
 def _colors(rows: list[list[float]]) -> NDArray[np.uint8] | None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from .beside import find_beside, read_bytes
-from .content import Material, MeshContent, Part
+from .content import FileMaterial, MeshContent, MeshPart
 from .pictures import Picture, decode_picture
 from .polygons import triangulated
 
@@ -63,7 +63,7 @@ def read_ply(content: MeshContent) -> None:
     points = np.stack([vertex[axis].astype(np.float64) for axis in "xyz"], -1)
     lists = next((face[name] for name in INDEX_NAMES if name in face), None)
     if lists is None and "tristrips" in tables:
-        lists = _strips(next(iter(tables["tristrips"].values())))
+        lists = _from_tristrips(next(iter(tables["tristrips"].values())))
     if lists is None or not len(lists[0]):
         raise InputError(f"{content.path}: holds no faces; a mesh of triangles is needed.")
     counts, corners = lists[0], lists[1].astype(np.int64)
@@ -96,12 +96,12 @@ def _add(
         for index in np.unique(number).tolist():
             chosen = np.flatnonzero(number == index)
             at = (3 * chosen[:, None] + np.arange(3)).reshape(-1)
-            part = Part(points[faces[chosen]].reshape(-1, 3), np.arange(len(at)).reshape(-1, 3))
+            part = MeshPart(points[faces[chosen]].reshape(-1, 3), np.arange(len(at)).reshape(-1, 3))
             _dress(part, textures[index], uv[at], None if colors is None else
                    colors[faces[chosen]].reshape(-1, 3))  # fmt: skip
             content.parts.append(part)
         return
-    part = Part(points, faces)
+    part = MeshPart(points, faces)
     if names is not None and textures:
         uv = np.stack([vertex[name] for name in names], -1)
         _dress(part, textures[0], uv, colors)
@@ -109,7 +109,7 @@ def _add(
         part.colors = colors
     elif face_colors is not None:
         corner = np.arange(3 * len(faces)).reshape(-1, 3)
-        part = Part(points[faces].reshape(-1, 3), corner)
+        part = MeshPart(points[faces].reshape(-1, 3), corner)
         part.colors = np.repeat(face_colors[polygon], 3, axis=0)
     elif textures:
         content.lost(
@@ -120,7 +120,7 @@ def _add(
 
 
 def _dress(
-    part: Part, picture: Picture | None, uv: NDArray[Any], colors: NDArray[np.uint8] | None
+    part: MeshPart, picture: Picture | None, uv: NDArray[Any], colors: NDArray[np.uint8] | None
 ) -> None:
     """Give a part its texture or, where that is not there, its colours."""
     if picture is None:
@@ -147,7 +147,7 @@ def _textures(content: MeshContent, names: list[str]) -> list[Picture | None]:
             except InputError as error:
                 content.lost(str(error).rstrip("."), "save it as PNG")
         if picture is not None:
-            content.materials.append(Material(f"picture {name}", name, picture.size))
+            content.materials.append(FileMaterial(f"picture {name}", name, picture.size))
         found.append(picture)
     return found
 
@@ -348,7 +348,7 @@ def _even(data: bytes, place: int, order: str, element: Element) -> dict[str, An
     return table
 
 
-def _strips(lists: Lists) -> Lists:
+def _from_tristrips(lists: Lists) -> Lists:
     """Triangle strips, separated by −1, as triangles."""
     found: list[int] = []
     strip: list[int] = []

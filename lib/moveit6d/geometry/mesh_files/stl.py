@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from .beside import read_bytes
-from .content import MeshContent, Part
+from .content import MeshContent, MeshPart
 
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 HEAD = 84  # bytes before the first triangle
@@ -30,7 +30,7 @@ def read_stl(content: MeshContent) -> None:
         return
     rows = np.frombuffer(data, RECORD, count, HEAD)
     points = rows["corners"].reshape(-1, 3).astype(np.float64)
-    part = Part(points, np.arange(len(points)).reshape(-1, 3))
+    part = MeshPart(points, np.arange(len(points)).reshape(-1, 3))
     colors = _colors(rows["attribute"], data[:80])
     if colors is not None:
         content.name("face colours")
@@ -65,4 +65,4 @@ def _ascii(content: MeshContent, data: bytes, count: int) -> None:
     scene = trimesh.load_scene(io.BytesIO(data), file_type="stl_ascii", process=False)
     for mesh in scene.dump():
         if len(getattr(mesh, "faces", ())):
-            content.parts.append(Part(np.array(mesh.vertices), np.array(mesh.faces)))
+            content.parts.append(MeshPart(np.array(mesh.vertices), np.array(mesh.faces)))
