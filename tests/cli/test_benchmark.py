@@ -248,7 +248,7 @@ def test_two_processes_with_one_killed_give_the_same_tracks(
     from tests.support import killed_sequence
 
     for name in ("easy_00", "easy_01", "hard_00"):
-        made = make_sequence(name, frames=4)
+        made = make_sequence(name, frames=3)
     weights = tmp_path / "weights.safetensors"
     torch.manual_seed(0)
     save_network(CorrelationNet(TINY), weights)

@@ -62,7 +62,9 @@ def test_the_object_is_among_the_candidates(seen: Picture, detector: PoseDetecto
         matcher.add(pyramid.level(width))
     found = matcher.candidates()
     assert 0 < len(found) <= 2 * config.match.candidates
-    assert (found.scores.diff() <= 0).all()
+    best, more = (found.scores[: config.match.candidates], found[config.match.candidates :])
+    assert (best.diff() <= 0).all() and best.min() >= more.scores.max()
+    assert len(set(more.places.tolist())) > 1
     centred = seen.mesh.inner(seen.pose)
     pixel = pictures.CAMERA.project(centred.translation).float()
     diameter = torch.tensor(seen.mesh.sphere_diameter, dtype=torch.float64)

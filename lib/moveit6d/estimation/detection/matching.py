@@ -58,7 +58,7 @@ class Level:
 
 @dataclass(frozen=True)
 class Candidates:
-    """`N` proposals, the best first.
+    """`N` proposals: the best, by their scores, and then the best of all places in turn.
 
     `scores` (N,), `pixels` (N, 2) of the object's centre, `widths` (N,) of its sphere in pixels,
     `views` (N,) which of the templates' rotations, `places` (N,) which place each belongs to.
@@ -73,8 +73,8 @@ class Candidates:
     def __len__(self) -> int:
         return len(self.scores)
 
-    def __getitem__(self, index: Tensor) -> Candidates:
-        """Some of them: a mask or indices."""
+    def __getitem__(self, index: Tensor | slice) -> Candidates:
+        """Some of them: a mask, indices or a slice."""
         return Candidates(
             self.scores[index], self.pixels[index], self.widths[index], self.views[index],
             self.places[index],
@@ -174,7 +174,12 @@ class Matcher:
         if not found:
             return _gathered([])
         every = _gathered(found)
-        return every[every.scores.argsort(descending=True)[: 2 * self.config.candidates]]
+        count = self.config.candidates
+        order = every.scores.argsort(descending=True)
+        first, rest = order[:count], order[count:]
+        # What comes after the best must not be more of the same places: every place's best views.
+        rank = torch.cat([torch.arange(len(some)) for some in found])[rest]
+        return every[torch.cat([first, rest[rank.argsort(stable=True)][:count]])]
 
     def _places(self, spread: tuple[Tensor, Tensor]) -> list[tuple[int, int, int]]:
         """Level, row and column of the best places, thinned over all levels."""
