@@ -20,7 +20,7 @@ from tests.support import meshes, pictures
 SMALL = TrackerConfig(
     detection=DetectorConfig(
         templates=TemplateConfig(rotations=240, coarse_rotations=60, channels=16),
-        match=MatchConfig(widths=(0.3, 0.6), places=4, views=6, candidates=12),
+        match=MatchConfig(widths=(0.3, 0.6), places=6, views=6, candidates=12),
         stages=((12, 1), (4, 2), (2, 6)),
     )
 )
