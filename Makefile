@@ -1,15 +1,17 @@
 # moveit6d: everything starts here. No root needed; all of it goes into .venv and demo.
 #
-#   make install    own virtual environment in .venv with pinned versions; leaves .venv/bin/moveit6d
+#   make install    what tracking needs, pinned, in a virtual environment; leaves .venv/bin/moveit6d
 #   make demo       makes a clip of an object never seen in training, follows it, prints the error
 #   make demo-real  the same on a real video (ViSP's test sequence of a cube)
-#   make test       install, lint, type check, tests
-#   make lint       ruff and mypy only
+#   make test       install everything (all extras), lint, tests
+#   make lint       ruff, formatting, mypy, typos, large files, retired words
+#   make docs       the documentation as a site in build/site; warnings are errors
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.moveit6d-installed
+ALL := $(VENV)/.moveit6d-all
 
 # The CPU build of torch saves gigabytes where pip would take the one for NVIDIA cards: set
 # TORCH_INDEX to the address of PyTorch's index of CPU wheels (see its installation page).
@@ -17,7 +19,7 @@ TORCH_INDEX ?=
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: install demo demo-real test lint clean
+.PHONY: install demo demo-real test lint docs clean
 .DELETE_ON_ERROR:
 
 install: $(STAMP)
@@ -31,9 +33,14 @@ $(STAMP): pyproject.toml constraints.txt
 	@PYTHON=$(PYTHON) tools/make_venv.sh $(VENV)
 	@$(BIN)/python -m pip install --quiet --no-deps --constraint constraints.txt \
 	    $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) torch
-	@$(BIN)/python -m pip install --quiet --use-pep517 --constraint constraints.txt --editable '.[dev]'
+	@$(BIN)/python -m pip install --quiet --use-pep517 --constraint constraints.txt --editable .
 	@touch $@
 	@echo "Installed. The command is $(BIN)/moveit6d"
+
+$(ALL): $(STAMP)
+	@echo "Adding the extras (training, OpenGL, reports, rerun, ray) and what tests need …"
+	@$(BIN)/python -m pip install --quiet --use-pep517 --constraint constraints.txt --editable '.[all,dev]'
+	@touch $@
 
 demo: $(STAMP)
 	$(BIN)/moveit6d demo --output demo
@@ -45,9 +52,21 @@ demo/visp/.unpacked:
 	tools/unpack_debian_package.sh visp-images-data demo/visp
 	@touch $@
 
-lint: $(STAMP)
+lint: $(ALL)
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/typos
+	$(BIN)/python tools/large_files.py
+	$(BIN)/python tools/retired_words.py
+
+docs: $(VENV)/.moveit6d-docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "Open build/site/index.html"
+
+$(VENV)/.moveit6d-docs: $(ALL)
+	@$(BIN)/python -m pip install --quiet --use-pep517 --constraint constraints.txt --editable '.[all,dev,docs]'
+	@touch $@
 
 test: lint
 	$(BIN)/python -m pytest

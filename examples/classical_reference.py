@@ -99,7 +99,7 @@ def _new_points(
         normal = np.cross(b - a, c - a)
         rays = (
             np.concatenate([found[:, 0], np.ones((len(found), 1))], 1)
-            @ np.linalg.inv(camera.matrix().numpy()).T
+            @ np.linalg.inv(camera.matrix.numpy()).T
         )
         hit = rays * (normal @ a / (rays @ normal))[:, None]
         back = pose.inverse().transform(torch.from_numpy(hit)).numpy()

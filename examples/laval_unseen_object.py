@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     tracker = PoseTracker(mesh, sequence.camera, sequence.start, policy=policy, renderer=renderer)
     rows = {sequence.first: PoseRow(sequence.first, pose=sequence.start)}
     for frame in islice(sequence.open(), sequence.first + 1, args.frames):
-        result = tracker.update(frame.image)[0]
+        result = tracker.update(frame.image)
         rows[frame.index] = PoseRow(
             frame.index,
             frame.name,

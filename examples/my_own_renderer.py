@@ -116,7 +116,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for renderer in renderers:
         policy = load_policy(args.weights)
         tracker = PoseTracker(mesh, scene.camera, shots[0].pose, policy=policy, renderer=renderer)
-        found = [tracker.update(rendered.image)[0] for rendered in shots[1:]]
+        found = [tracker.update(rendered.image) for rendered in shots[1:]]
         errors = [
             1000 * float((result.pose.translation - rendered.pose.translation).norm())
             for result, rendered in zip(found, shots[1:], strict=True)

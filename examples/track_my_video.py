@@ -13,8 +13,8 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from moveit6d import InputError, Mesh, PoseTracker
-from moveit6d.datasets.pose_files import read_camera, read_pose
+from moveit6d import InputError, Mesh, Pose, PoseTracker
+from moveit6d.datasets.pose_files import read_camera
 from moveit6d.datasets.video import open_frames
 
 
@@ -23,14 +23,14 @@ def track(mesh_file: Path, video: Path, camera_file: Path, start_file: Path) -> 
     # The object: OBJ, PLY, GLB or STL. State the unit of its numbers: "m" or "mm".
     mesh = Mesh.load(mesh_file, unit="m")
     # The camera's intrinsics in pixels, and the object's pose in the first frame, roughly.
-    camera, start = read_camera(camera_file), read_pose(start_file)
+    camera, start = read_camera(camera_file), Pose.load(start_file)
     # The shipped network, the embree renderer: both can be replaced by keyword arguments.
     tracker = PoseTracker(mesh, camera, start)
     for frame in open_frames(video):  # a folder, a file or a camera
         if frame.image is None:  # damaged; the track goes on with the next one
             print(f"frame {frame.index}: {frame.error}")
             continue
-        result = tracker.update(frame.image)[0]  # one result for each object
+        result = tracker.update(frame.image)  # one result for each object
         if result.pose is None:
             print(f"frame {frame.index}: {result.error}")
             continue

@@ -30,7 +30,6 @@ from moveit6d.datasets.pose_files import (
     PoseRow,
     read_poses,
     write_camera,
-    write_pose,
     write_poses,
 )
 from moveit6d.evaluation.track_scores import EvaluationPoints, score
@@ -73,7 +72,7 @@ def main() -> int:
     mesh = textured_box(corners, sides, camera, reference[0], first)
     write_glb(output / "cube.glb", mesh)
     write_camera(output / "camera.json", camera)
-    write_pose(output / "start.json", start)
+    start.save(output / "start.json")
     command = [
         "track",
         "--mesh",

@@ -5,7 +5,7 @@
         --output out/mine
 
 The shipped network needs no training on an object; this makes it better on yours alone. The whole
-machinery (configurations, resuming, several processors) is `moveit6d fit`, see docs/training.md.
+machinery (configurations, resuming, several processors) is `moveit6d fit`: docs/how-to/train.md.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     shots = [scene.render_frame(number) for number in range(args.frames)]
     tracker = PoseTracker(mesh, scene.camera, shots[0].pose, policy=load_policy(weights))
     for number, rendered in enumerate(shots[1:], 1):
-        found = tracker.update(rendered.image)[0].pose
+        found = tracker.update(rendered.image).pose
         if found is not None:
             error = float((found.translation - rendered.pose.translation).norm())
             print(f"frame {number}: {1000 * error:.1f} mm off")

@@ -16,7 +16,6 @@ from moveit6d.datasets.pose_files import (
     POSE_COLUMNS,
     PoseRow,
     write_camera,
-    write_pose,
     write_poses,
 )
 from moveit6d.geometry.camera import Camera
@@ -81,13 +80,13 @@ class BrickScene:
 
     def image(self, frame: int) -> NDArray[np.uint8]:
         """What the camera sees: (120, 160, 3)."""
-        from moveit6d.rendering.renderer import make_renderer
+        from moveit6d.rendering.backends import make_renderer
         from moveit6d.rendering.shading import shade_plain
 
         camera, inner = self.camera, self.mesh.inner(self.pose(frame))
         batch = Pose(inner.rotation[None], inner.translation[None])
         size = max(camera.width, camera.height)
-        seen = make_renderer().render([self.mesh], batch, camera.matrix()[None], size)
+        seen = make_renderer().render([self.mesh], batch, camera.matrix[None], size)
         picture = shade_plain(seen) * seen.mask + 0.4 * (1 - seen.mask)
         whole = (255 * picture[0]).round().clamp(0, 255).byte().permute(1, 2, 0).numpy()
         return np.ascontiguousarray(whole[: camera.height, : camera.width])
@@ -132,7 +131,7 @@ def make_sequence(
             rows.append(PoseRow(frame, f"frames/{image}", poses[frame]))
         write_poses(folder / "poses.csv", rows, ("frame", "image", *POSE_COLUMNS))
         if start:
-            write_pose(folder / "start.json", poses[0])
+            poses[0].save(folder / "start.json")
         return SmallSequence(folder, scene.camera, poses)
 
     return make

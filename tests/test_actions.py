@@ -143,7 +143,7 @@ def test_apply_is_the_exact_inverse_of_difference(
     if float(look_at(a, DIAMETER).to_virtual(b).translation[2]) < 0.05:
         return  # behind the virtual camera: `pose_delta` is not defined there
     found = PoseAction.from_delta(pose_delta(a, b, DIAMETER)).apply_centred(a, DIAMETER)
-    torch.testing.assert_close(found.matrix(), b.matrix(), atol=1e-9, rtol=0)
+    torch.testing.assert_close(found.matrix, b.matrix, atol=1e-9, rtol=0)
 
 
 def test_batches_give_what_single_poses_give() -> None:
@@ -152,14 +152,14 @@ def test_batches_give_what_single_poses_give() -> None:
     batch = PoseAction.from_delta(values).apply_centred(start, DIAMETER.expand(4))
     for i in range(4):
         single = PoseAction.from_delta(values[i]).apply_centred(start[i], DIAMETER)
-        torch.testing.assert_close(batch[i].matrix(), single.matrix())
+        torch.testing.assert_close(batch[i].matrix, single.matrix)
 
 
 def test_apply_is_differentiable() -> None:
     pose = a_pose()
 
     def move(values: torch.Tensor) -> torch.Tensor:
-        return PoseAction.from_delta(values).apply_centred(pose, DIAMETER).matrix()
+        return PoseAction.from_delta(values).apply_centred(pose, DIAMETER).matrix
 
     assert torch.autograd.gradcheck(move, torch.zeros(6, dtype=torch.float64, requires_grad=True))
 
@@ -192,11 +192,11 @@ def test_updates_compose_and_invert_on_poses_of_the_mesh_file(brick: Mesh, crop:
     middle = first.apply(pose, brick, crop)
     end = second.apply(middle, brick, crop)
     both = first.then(second, pose, brick, crop)
-    assert both.stop and torch.allclose(both.apply(pose, brick, crop).matrix(), end.matrix())
+    assert both.stop and torch.allclose(both.apply(pose, brick, crop).matrix, end.matrix)
     found = PoseAction.between(pose, middle, brick, crop)
     torch.testing.assert_close(found.delta, first.delta.double())
     back = first.inverse(pose, brick, crop).apply(middle, brick, crop)
-    assert torch.allclose(back.matrix(), pose.to(torch.float64).matrix())
+    assert torch.allclose(back.matrix, pose.to(torch.float64).matrix)
 
 
 def test_an_update_changes_its_type_and_device() -> None:

@@ -36,7 +36,7 @@ def test_two_workers_give_the_same_results_and_one_may_be_killed(tmp_path: Path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["0.0", "3.0", "3.1"]
 
 
-def test_workers_are_other_processes_and_bad_input_is_an_outcome() -> None:
+def test_workers_are_other_processes_and_bad_input_is_a_result() -> None:
     found = by_index(run_jobs(tasks.square, [5, 13, 6, 7], jobs=2))
     assert [job_result.error for job_result in found] == [None, "13 brings bad luck.", None, None]
     results = [job_result.result for job_result in found if job_result.result is not None]

@@ -80,7 +80,7 @@ printf '|---|---|---|---|---|---|---|---|---|\n'
 rows() {
     measure "correlation, all six axes" correlation
     measure "the same, other seed" again
-    measure "the same, single actions" correlation --single_actions
+    measure "the same, single actions" correlation --mode single
     measure "correlation without depth" no_depth
     measure "correlation, axis-parallel crops" axis_parallel
 }

@@ -20,13 +20,14 @@ import torch
 
 from moveit6d.contour.extraction import find_contour
 from moveit6d.datasets.bop import BopDataset, Estimate, by_image, read_results
-from moveit6d.estimation.frame import Frame, prepare_frame
 from moveit6d.evaluation.bop.add_recall import score_results, targets_of
 from moveit6d.evaluation.tables import markdown, percent
+from moveit6d.frame import Frame, prepare_frame
 from moveit6d.geometry.crop import View, crop_patch, look_at
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.rendering.renderer import Renderer, make_renderer
+from moveit6d.rendering.backends import make_renderer
+from moveit6d.rendering.renderer import Renderer
 
 BLUR = 1.0  # patch pixels
 POINTS = 400
@@ -34,8 +35,9 @@ POINTS = 400
 
 def contrast(frame: Frame, mesh: Mesh, pose: Pose, view: View, renderer: Renderer) -> float:
     """Mean change of colour a pixel, across the outline of the mesh, in the patch of a view."""
-    patch = crop_patch(frame.pixels, view, frame.camera.matrix()).permute(1, 2, 0).numpy()
-    patch = cv2.GaussianBlur(patch, (0, 0), BLUR)
+    camera = frame.camera
+    patch = crop_patch(frame.pixels, view, camera.matrix, camera.lens).permute(1, 2, 0)
+    patch = cv2.GaussianBlur(patch.numpy(), (0, 0), BLUR)
     virtual = view.to_virtual(mesh.inner(pose.to(torch.float64)))
     seen = renderer.render([mesh], Pose.stack([virtual]), view.intrinsics[None])
     contour = find_contour(seen.mask[0, 0].numpy() > 0.5, POINTS)

@@ -38,6 +38,6 @@ long=(--max_iterations 150) # single actions from far away need more than the us
 for cluster in one_large all_small all_large; do
     measure "the paper's, this object alone" $cluster "${long[@]}" \
         --weights "$output/weights.safetensors"
-    measure "shipped, single actions" $cluster "${long[@]}" --single_actions
+    measure "shipped, single actions" $cluster "${long[@]}" --mode single
     measure "shipped, all six axes" $cluster
 done

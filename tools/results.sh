@@ -83,7 +83,7 @@ options() {
     printf 'of the outline as well.\n\n'
     for start in "all_small 0" "all_large 0"; do
         one_refinement "$start" --no_contour
-        one_refinement "$start" --no_contour --single_actions
+        one_refinement "$start" --no_contour --mode single
     done
     one_refinement "all_large 1" --no_multi_start
     run benchmark tracking --sequences "$shared/bench/sequences" --no_calibration
@@ -91,7 +91,7 @@ options() {
 }
 single_actions() {
     local data=$shared/data/real/lmo_dev start
-    local mode=(--single_actions --no_contour)
+    local mode=(--mode single --no_contour)
     printf '# The paper'"'"'s policy: one of 13 actions an iteration\n\nThe shipped network without what goes '
     printf 'past the paper: outline, search, and what the first frame teaches.\n\n'
     both_tracked "${mode[@]}" --no_calibration

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from .actions import ActionSpace, PoseAction
+    from .config import PAPER_CONFIG, TrackerConfig
+    from .datasets.video import open_frames
     from .errors import InputError
     from .estimation import PoseDetector, PoseEstimator, PoseTracker, TrackingResult
     from .geometry.camera import Camera
@@ -17,39 +19,51 @@ if TYPE_CHECKING:
     from .geometry.pose import Pose
     from .policies import OraclePolicy, load_policy
     from .rendering import make_renderer
+    from .visualization.overlay import draw_pose
+    from .visualization.video import VideoWriter
 
 __version__ = "0.1.0"
 
 # Each public name and the module that it lives in; loaded at first use (PEP 562).
 _HOMES = {
-    "Pose": "geometry.pose",
     "Camera": "geometry.camera",
     "Mesh": "geometry.mesh",
+    "Pose": "geometry.pose",
     "PoseAction": "actions",
     "ActionSpace": "actions",
-    "PoseEstimator": "estimation",
     "PoseTracker": "estimation",
+    "PoseEstimator": "estimation",
     "PoseDetector": "estimation",
     "TrackingResult": "estimation",
-    "OraclePolicy": "policies",
+    "TrackerConfig": "config",
+    "PAPER_CONFIG": "config",
     "load_policy": "policies",
+    "OraclePolicy": "policies",
     "make_renderer": "rendering",
+    "open_frames": "datasets.video",
+    "draw_pose": "visualization.overlay",
+    "VideoWriter": "visualization.video",
     "InputError": "errors",
 }
 
 __all__ = [
-    "Pose",
     "Camera",
     "Mesh",
+    "Pose",
     "PoseAction",
     "ActionSpace",
-    "PoseEstimator",
     "PoseTracker",
+    "PoseEstimator",
     "PoseDetector",
     "TrackingResult",
-    "OraclePolicy",
+    "TrackerConfig",
+    "PAPER_CONFIG",
     "load_policy",
+    "OraclePolicy",
     "make_renderer",
+    "open_frames",
+    "draw_pose",
+    "VideoWriter",
     "InputError",
     "__version__",
 ]

@@ -1,17 +1,21 @@
-"""What a policy sees: the observed patch and the rendering of the current pose, as tensors.
+"""What a policy sees: the crop of a frame and the rendering of the current pose, as tensors.
 
-Never decides anything and never knows a network.
+Never predicts anything and never knows a network.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import torch
 from torch import Tensor
 
-from .geometry.crop import View
-from .rendering.renderer import GBuffer
+from .frame import Frame
+from .geometry.crop import Crop, View, crop_patch, view_of
+from .geometry.mesh import Mesh
+from .geometry.pose import Pose
+from .rendering.renderer import GBuffer, Renderer
 from .rendering.shading import shade_plain
 
 
@@ -64,7 +68,41 @@ def rotated(seen: Observation, quarters: int) -> Observation:
     return Observation(image, rendering, depth, mask, seen.distance)
 
 
-def observe(patches: Tensor, gbuffer: GBuffer, view: View, sphere_diameter: Tensor) -> Observation:
+def observe(
+    frames: Sequence[Frame],
+    meshes: Sequence[Mesh],
+    pose: Pose,
+    sphere_diameter: Tensor,
+    renderer: Renderer,
+    crop: Crop = "look_at",
+) -> Observation:
+    """Crop the frames and render the meshes at centred poses (B), one observation each.
+
+    `sphere_diameter` (B,) are those, metres, that fill the crops: a smaller one than the mesh's
+    shows the middle of the object enlarged.
+    """
+    view = view_of(pose, sphere_diameter, crop)
+    crops = [
+        crop_patch(frame.pixels, _one(view, row), frame.intrinsics, frame.camera.lens)
+        for row, frame in enumerate(frames)
+    ]
+    gbuffer = renderer.render(meshes, view.to_virtual(pose), view.intrinsics)
+    return assemble(torch.stack(crops), gbuffer, view, sphere_diameter)
+
+
+def observe_shared(
+    frame: Frame, gbuffer: GBuffer, view: View, sphere_diameter: Tensor
+) -> Observation:
+    """Crops (B) of one frame beside one rendering (1) that is the same in every view."""
+    count = len(sphere_diameter)
+    matrix, lens = frame.intrinsics, frame.camera.lens
+    crops = [crop_patch(frame.pixels, _one(view, row), matrix, lens) for row in range(count)]
+    parts = (gbuffer.albedo, gbuffer.normal, gbuffer.depth, gbuffer.mask)
+    shared = GBuffer(*(part.expand(count, -1, -1, -1) for part in parts))
+    return assemble(torch.stack(crops), shared, view, sphere_diameter)
+
+
+def assemble(patches: Tensor, gbuffer: GBuffer, view: View, sphere_diameter: Tensor) -> Observation:
     """Put together what the policy sees.
 
     `patches` (B, 3, 128, 128) are the crops of the frame in [0, 1], `gbuffer` the renderings in the
@@ -75,3 +113,7 @@ def observe(patches: Tensor, gbuffer: GBuffer, view: View, sphere_diameter: Tens
     depth = (gbuffer.depth - distance[:, None, None, None]) / diameter[:, None, None, None]
     rendering = shade_plain(gbuffer).clamp(0, 1)
     return Observation(patches, rendering, depth * gbuffer.mask, gbuffer.mask, distance / diameter)
+
+
+def _one(view: View, row: int) -> View:
+    return View(view.rotation[row], view.intrinsics[row], view.distance[row])

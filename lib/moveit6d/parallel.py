@@ -20,6 +20,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
 
 from .errors import InputError
+from .extras import require
 
 # A task whose worker died is tried this many times more: one death is an accident (someone else's
 # memory, a machine that went away), two are the task's own doing.
@@ -190,10 +191,9 @@ def _on_ray(
 
 
 def _connect(address: str) -> Any:
-    try:
-        import ray
-    except ImportError:
-        raise InputError("--ray needs the package ray: pip install 'moveit6d[ray]'.") from None
+    require("ray", "--ray")
+    import ray
+
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # tell nobody
     local: dict[str, Any] = {"include_dashboard": False} if address == "local" else {}
     try:

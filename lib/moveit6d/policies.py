@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from pathlib import Path
 from typing import Protocol
 
@@ -16,6 +15,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from .actions import PoseAction, expert_action, pose_delta
+from .config import ActionMode, Mode
 from .errors import InputError
 from .geometry.crop import Crop
 from .geometry.pose import Pose
@@ -27,13 +27,6 @@ from .networks.weights_file import load_network
 from .observation import Observation, mirrored, rotated
 
 SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "multi_object.safetensors"
-
-
-class ActionMode(StrEnum):
-    """How a prediction becomes a `PoseAction`."""
-
-    SINGLE = "single"  # the paper: the best of the 13 actions, one step size long
-    ALL_AXES = "all_axes"  # all six axes of the real-valued delta at once
 
 
 @dataclass(frozen=True)
@@ -64,6 +57,11 @@ class Policy(Protocol):
         ...
 
 
+def mode_of(policy: Policy, mode: Mode | None) -> ActionMode:
+    """The mode that a configuration asks for, or else the policy's own."""
+    return policy.mode if mode is None else ActionMode(mode)
+
+
 def to_action(prediction: PolicyOutput, mode: ActionMode, step_size: float = 1.0) -> PoseAction:
     """The update that a prediction stands for.
 
@@ -86,17 +84,15 @@ class NetworkPolicy:
     def __init__(
         self,
         network: PoseNet,
-        mode: ActionMode | None = None,
         source: str = "",
         compute: Compute = "auto",
+        device: str | torch.device = "cpu",
     ) -> None:
-        self.network = InferenceNetwork(network, compute)
+        self.network = InferenceNetwork(network, compute, device)
         single = isinstance(network, ActionNet)
         self.crop: Crop = network.config.crop
-        self.mode = mode or (ActionMode.SINGLE if single else ActionMode.ALL_AXES)
+        self.mode = ActionMode.SINGLE if single else ActionMode.ALL_AXES
         self.source = source  # what the weights are, for reports
-        if single and self.mode is not ActionMode.SINGLE:
-            raise InputError("The paper's network only chooses single actions: use mode 'single'.")
 
     def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
         """One pass of the network."""
@@ -161,9 +157,14 @@ class OraclePolicy:
 
 
 def load_policy(
-    path: Path | None = None, mode: ActionMode | None = None, compute: Compute = "auto"
+    path: str | Path | None = None,
+    *,
+    compute: Compute = "auto",
+    device: str | torch.device = "cpu",
 ) -> NetworkPolicy:
     """A policy from a weights file; without one, from the weights that are shipped.
+
+    `device` is where the network runs, for example "cuda"; crops and poses stay on the CPU.
 
     `compute` are the numbers of its convolutions: `auto` takes bfloat16 where the processor has
     AMX instructions, which is faster and changes poses by hundredths of a unit; with `float32` they
@@ -172,4 +173,4 @@ def load_policy(
     loaded = load_network(SHIPPED_WEIGHTS if path is None else Path(path))
     name = "shipped multi-object model" if path is None else Path(path).name
     source = f"{name} (sha256 {loaded.sha256[:12]})"
-    return NetworkPolicy(loaded.network, mode, source, compute)
+    return NetworkPolicy(loaded.network, source, compute, device)

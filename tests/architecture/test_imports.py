@@ -15,8 +15,10 @@ LIGHTNING = ROOT / "lightning_modules"
 # From the bottom up; a room may import from lower floors and from its own floor.
 FLOORS = (
     ("errors",),
-    ("io", "parallel", "typing", "config"),
+    ("extras",),
+    ("io", "parallel", "threads", "typing", "config"),
     ("geometry",),
+    ("frame", "camera_calibration"),
     ("actions",),
     ("rendering",),
     ("observation",),

@@ -15,11 +15,13 @@ from pathlib import Path
 import pytest
 
 import moveit6d
+from moveit6d.extras import EXTRAS
 
 ROOT = Path(__file__).parents[2]
 PUBLIC = {
     "Pose", "Camera", "Mesh", "PoseAction", "ActionSpace", "PoseEstimator", "PoseTracker",
-    "PoseDetector", "TrackingResult", "OraclePolicy", "load_policy", "make_renderer", "InputError",
+    "PoseDetector", "TrackingResult", "TrackerConfig", "PAPER_CONFIG", "open_frames", "draw_pose",
+    "VideoWriter", "OraclePolicy", "load_policy", "make_renderer", "InputError",
     "__version__",
 }  # fmt: skip
 HEAVY = ("pytorch_lightning", "lightning", "pyrender", "OpenGL", "matplotlib", "cv2", "av")
@@ -101,38 +103,68 @@ def test_constraints_pin_every_dependency() -> None:
     lines = (ROOT / "constraints.txt").read_text().splitlines()
     pins = {line.split("==")[0].lower().replace("_", "-") for line in lines if "==" in line}
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = [*project["dependencies"], *project["optional-dependencies"]["dev"]]
+    extras = project["optional-dependencies"]
+    wanted = [*project["dependencies"], *(one for extra in extras.values() for one in extra)]
     for requirement in wanted:
         name = requirement.split("[")[0].split(">")[0].strip().lower()
+        if name == project["name"]:  # an extra made of others
+            continue
         assert name in pins, f"{name} has no pinned version"
     assert "torch==2.13.0" in lines
 
 
-def test_wheel_holds_the_two_packages_and_nothing_else(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel of this tree, built without the network."""
     if not {"pip", "setuptools"} <= {found.name for found in metadata.distributions()}:
         pytest.skip("needs pip and setuptools, which `make install` puts in place")
-    source = tmp_path / "source"  # a copy, as building leaves things behind
+    folder = tmp_path_factory.mktemp("wheel")
+    source = folder / "source"  # a copy, as building leaves things behind
     leave = shutil.ignore_patterns("__pycache__", "*.egg-info")
     for name in ("lib", "lightning_modules", "tests", "configs"):
         shutil.copytree(ROOT / name, source / name, ignore=leave)
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
-    command = [
-        sys.executable,
-        "-m",
-        "pip",
-        "wheel",
-        "--no-deps",
-        "--no-build-isolation",
-        "--no-index",
-        "--quiet",
-        "--wheel-dir",
-        str(tmp_path),
-        str(source),
-    ]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation",
+               "--no-index", "--quiet", "--wheel-dir", str(folder), str(source)]  # fmt: skip
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    (wheel,) = tmp_path.glob("moveit6d-*.whl")
+    (found,) = folder.glob("moveit6d-*.whl")
+    return found
+
+
+def test_wheel_alone_follows_an_object_without_any_extra(wheel: Path, tmp_path: Path) -> None:
+    """Unpacked somewhere, with the packages of all extras out of reach."""
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(tmp_path / "site")
+    extras = [name for names in EXTRAS.values() for name in names]
+    hidden = [*extras, "lightning", "torchmetrics", "OpenGL", "pytest", "hypothesis"]
+    code = f"""
+import sys
+sys.modules.update(dict.fromkeys({hidden!r}))
+sys.path.insert(0, {str(tmp_path / "site")!r})
+import moveit6d
+from moveit6d.cli.main import main
+assert moveit6d.__file__.startswith({str(tmp_path)!r}), moveit6d.__file__
+code = main(["demo", "--output", "demo", "--frames", "3", "--threads", "1"])
+sentences = [main(words) for words in (
+    ["fit", "--config", "none.yaml"], ["reproduce", "runtime", "--output", "out"],
+    ["benchmark", "iteration", "--renderer", "pyrender"],
+)]
+print(code, sentences)
+"""
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "0 [2, 2, 3]", done.stdout + done.stderr
+    assert (tmp_path / "demo" / "track" / "overlay.mp4").is_file()
+    for extra in ("train", "report", "gl"):
+        assert f"pip install 'moveit6d[{extra}]'" in done.stderr
+
+
+def test_wheel_holds_the_two_packages_and_nothing_else(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     info = f"moveit6d-{moveit6d.__version__}.dist-info"
     assert {name.split("/")[0] for name in names} == {"moveit6d", "lightning_modules", info}

@@ -21,7 +21,7 @@ def use_oracle(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     def use(mesh: Mesh, pose: Pose, targets: int = 1) -> None:
         oracle = OraclePolicy(Pose.stack([mesh.inner(pose)] * targets))
 
-        def load(*_: Any) -> Any:
+        def load(*_: Any, **__: Any) -> Any:
             return oracle
 
         monkeypatch.setattr("moveit6d.policies.load_policy", load)
@@ -37,7 +37,7 @@ def interrupt_update(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     def interrupt(number: int) -> None:
         calls = count(1)
 
-        def stop(self: PoseTracker, image: Any) -> Any:
+        def stop(self: Any, image: Any) -> Any:
             if next(calls) == number:
                 raise KeyboardInterrupt
             return update(self, image)

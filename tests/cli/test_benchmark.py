@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from moveit6d.cli.main import main
-from moveit6d.datasets.pose_files import PoseRow, read_poses, write_pose, write_poses
+from moveit6d.datasets.pose_files import PoseRow, read_poses, write_poses
 from moveit6d.estimation import PoseTracker
 from moveit6d.geometry.pose import Pose
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
@@ -233,7 +233,7 @@ def test_one_bad_sequence_does_not_stop_the_others(
     sequences: Path, scene: Any, tmp_path: Path, capsys: Any
 ) -> None:
     bad = Pose(scene.pose(0).rotation, torch.tensor([9.0, 0, 0.5], dtype=torch.float64))
-    write_pose(sequences / "easy_00" / "start.json", bad)
+    bad.save(sequences / "easy_00" / "start.json")
     assert main(["benchmark", "tracking", "--sequences", str(sequences)]) == 2
     said = capsys.readouterr()
     assert [row[0] for row in table(said.out)] == ["level", "hard"]

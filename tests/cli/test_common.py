@@ -15,8 +15,8 @@ def test_float32_reaches_the_network_here_and_in_other_processes(
     monkeypatch.setattr("moveit6d.networks.inference.is_bfloat16_fast", lambda: True)
     parser = argparse.ArgumentParser()
     add_tracking_options(parser)
-    for options, narrow in (([], True), (["--float32"], False)):
+    for options, asked in (([], True), (["--float32"], False)):
         args = parser.parse_args(options)
         policy, _ = tools(Setting.of(args)) if elsewhere else set_up(args)
         assert isinstance(policy, NetworkPolicy)
-        assert policy.network.is_bfloat16 is narrow
+        assert policy.network.is_bfloat16 is asked

@@ -10,13 +10,14 @@ import torch
 from moveit6d.actions import ActionSpace
 from moveit6d.cli.demo import verdict
 from moveit6d.cli.main import main
+from moveit6d.config import ActionMode
 from moveit6d.datasets.pose_files import read_poses
 from moveit6d.datasets.sequences import read_sequences
 from moveit6d.evaluation.track_scores import Score
 from moveit6d.geometry.crop import Crop
 from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import ActionMode, LoopState
+from moveit6d.policies import LoopState
 
 
 class Stay:

@@ -11,7 +11,7 @@ import pytest
 from moveit6d import policies
 from moveit6d.cli.main import main
 from moveit6d.errors import RenderingUnavailable
-from moveit6d.rendering import renderer
+from moveit6d.rendering import backends
 
 
 @pytest.fixture(autouse=True)
@@ -21,19 +21,19 @@ def weights(monkeypatch: pytest.MonkeyPatch) -> None:
     class Loaded:
         source = "a model (sha256 0123)"
 
-    monkeypatch.setattr(policies, "load_policy", lambda path=None, mode=None: Loaded())
+    monkeypatch.setattr(policies, "load_policy", lambda path=None: Loaded())
 
 
 def without(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine on which one renderer does not run."""
-    make: Callable[[str], Any] = renderer.make_renderer
+    make: Callable[[str], Any] = backends.make_renderer
 
     def refuse(asked: str = "embree") -> Any:
         if asked == name:
             raise RenderingUnavailable(f"install lib{name}.")
         return make("embree")
 
-    monkeypatch.setattr(renderer, "make_renderer", refuse)
+    monkeypatch.setattr(backends, "make_renderer", refuse)
 
 
 def test_a_machine_without_opengl_is_healthy(monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:

@@ -35,7 +35,7 @@ def dataset(tmp_path: Path, scene: Any, brick_file: Path) -> BopDataset:
     mesh.apply_scale(1000.0)
     mesh.export(root / "models" / "obj_000002.ply")
     (root / "models" / "models_info.json").write_text(json.dumps({"2": {"diameter": 152.6}}))
-    k = scene.camera.matrix().reshape(-1).tolist()
+    k = scene.camera.matrix.reshape(-1).tolist()
     (scene_folder / "scene_camera.json").write_text(
         json.dumps({str(n): {"cam_K": k} for n in (1, 2, 3)})
     )
@@ -111,7 +111,9 @@ def test_poses_get_better_and_keep_their_order(
             after.object,
         )
         assert float(add(after.pose, scene.pose(0), points)) < 0.003
-        likely = localizability(scene.pose(0), scene.mesh, scene.camera)  # the oracle is confident
+        likely = localizability(
+            scene.mesh.inner(scene.pose(0)), scene.mesh, scene.camera
+        )  # the oracle is confident
         assert after.score == pytest.approx(likely, abs=0.01) and 0.5 < likely < 0.9
     seconds = [row.seconds for row in refined]
     assert seconds[0] == seconds[2] > 0 and seconds[1] == seconds[4], "one time an image"
@@ -197,7 +199,9 @@ def test_a_damaged_image_and_a_pose_out_of_sight_keep_what_was_given(
     for n in (0, 3):
         assert refined[n].score == 0.0
         np.testing.assert_allclose(refined[n].pose.translation, rows[n].pose.translation, atol=1e-9)
-    likely = localizability(scene.pose(0), scene.mesh, scene.camera)  # the oracle is confident
+    likely = localizability(
+        scene.mesh.inner(scene.pose(0)), scene.mesh, scene.camera
+    )  # the oracle is confident
     assert [refined[n].score for n in (1, 2, 4)] == pytest.approx([likely] * 3, abs=0.01)
     said = capsys.readouterr()
     assert "behind the camera" in said.err and "not a readable image" in said.err

@@ -15,11 +15,12 @@ import torch
 
 from moveit6d.cli.main import main
 from moveit6d.cli.reproduce import RUNS
+from moveit6d.config import ActionMode
 from moveit6d.datasets.laval import write_laval_sequence
-from moveit6d.datasets.pose_files import read_pose, write_camera
+from moveit6d.datasets.pose_files import write_camera
 from moveit6d.datasets.ycbv import write_ycbv_scene
 from moveit6d.geometry.pose import Pose
-from moveit6d.policies import ActionMode, OraclePolicy
+from moveit6d.policies import OraclePolicy
 
 Make = Callable[..., Any]
 FRAMES = 4
@@ -30,7 +31,7 @@ def oracle(monkeypatch: pytest.MonkeyPatch, scene: Any) -> None:
     """Every command decides by the pose of the brick that stands still."""
     truth = Pose.stack([scene.mesh.inner(scene.pose(0))] * 64)
 
-    def load(*_: Any) -> OraclePolicy:
+    def load(*_: Any, **__: Any) -> OraclePolicy:
         return OraclePolicy(truth, ActionMode.ALL_AXES)
 
     monkeypatch.setattr("moveit6d.policies.load_policy", load)
@@ -112,7 +113,10 @@ def test_convergence_runs_both_readings(own: Path, tmp_path: Path, capsys: Any) 
         ("total", 2),
     ]
     assert all(row["ADD<10%d"] == 100 for row in rows)
-    assert content["facts"]["mode"] == "single" and content["facts"]["step"] == 3
+    assert (
+        content["facts"]["mode"] == "single"
+        and content["facts"]["config"]["loop"]["step_size"] == 3
+    )
 
 
 def test_runtime_with_and_without_data(own: Path, tmp_path: Path, capsys: Any) -> None:
@@ -122,7 +126,7 @@ def test_runtime_with_and_without_data(own: Path, tmp_path: Path, capsys: Any) -
         assert main(command) == 0
         content = report(out, "runtime")
         assert ("frames" in content["tables"]) == bool(extra)
-        assert content["tables"]["cycle"][1]["paper"] == 5.2
+        assert content["tables"]["iteration"][1]["paper"] == 5.2
         assert "surrogate" in capsys.readouterr().out
 
 
@@ -137,6 +141,7 @@ def test_attention_of_a_network(own: Path, tmp_path: Path) -> None:
 def test_detection_is_scored_by_both_criteria(own: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     options = ["--sinks", "1", "--poses", "1", "--rotations", "2", "--sizes", "0.4"]
+    options += ["--mode", "all_axes"]
     command = ["reproduce", "detection", "--data", str(own), "--output", str(out)]
     assert main([*command, *options]) == 0
     summary = {row[""]: row["ours"] for row in report(out, "detection")["tables"]["summary"]}
@@ -178,7 +183,7 @@ def test_detect_writes_a_start(
     out = tmp_path / "found"
     assert main([*command, *options, "--output", str(out)]) == 0
     assert "confidence 1.00" in capsys.readouterr().out
-    found, true = read_pose(out / "pose.json"), scene.pose(0)
+    found, true = Pose.load(out / "pose.json"), scene.pose(0)
     torch.testing.assert_close(found.translation, true.translation, atol=1e-3, rtol=0)
     overlay = np.asarray(Image.open(out / "overlay.png"))
     assert overlay.shape == (120, 160, 3) and (overlay != scene.image(0)).any()

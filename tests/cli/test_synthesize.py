@@ -66,7 +66,7 @@ def surrogates(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     return calls
 
 
-def test_a_laval_stand_in_is_made_of_the_meshes_and_levels(
+def test_a_laval_surrogate_has_the_meshes_and_levels(
     surrogates: list[tuple[Any, ...]], brick_file: Path, capsys: Any
 ) -> None:
     command = ["synthesize", "sequence", "--format", "laval", "--output", "data", "--seed", "5"]
@@ -80,7 +80,7 @@ def test_a_laval_stand_in_is_made_of_the_meshes_and_levels(
     assert capsys.readouterr().out == "data\ndata\n"
 
 
-def test_a_ycbv_stand_in_has_another_object_in_the_middle_of_each_scene(
+def test_a_ycbv_surrogate_has_another_object_in_the_middle_of_each_scene(
     surrogates: list[tuple[Any, ...]],
 ) -> None:
     assert main(["synthesize", "--format", "ycbv", "--output", "data", "--count", "5"]) == 0

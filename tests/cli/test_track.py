@@ -16,7 +16,7 @@ import torch
 from PIL import Image
 
 from moveit6d.cli.main import main
-from moveit6d.datasets.pose_files import TRACK_COLUMNS, read_poses, write_pose
+from moveit6d.datasets.pose_files import TRACK_COLUMNS, read_poses
 from moveit6d.evaluation.metrics import add
 from moveit6d.geometry.pose import Pose
 
@@ -29,7 +29,7 @@ def clip(make_sequence: Make, scene: Any, use_oracle: Callable[..., None], tmp_p
     made = make_sequence("clip", frames=5, still=True)
     true = made.poses[0]
     off = torch.tensor([0.003, -0.002, 0.008], dtype=torch.float64)
-    write_pose(made.folder / "start.json", Pose(true.rotation, true.translation + off))
+    Pose(true.rotation, true.translation + off).save(made.folder / "start.json")
     use_oracle(scene.mesh, true)
     return Clip(made.folder, tmp_path / "out", true)
 

@@ -118,7 +118,7 @@ def test_results_come_back_in_order_and_in_metres(tmp_path: Path) -> None:
     for old, new in zip(rows, back, strict=True):
         assert (old.scene, old.image, old.object) == (new.scene, new.image, new.object)
         assert (old.score, old.seconds) == (new.score, new.seconds)
-        torch.testing.assert_close(new.pose.matrix(), pose.matrix(), rtol=0, atol=1e-9)
+        torch.testing.assert_close(new.pose.matrix, pose.matrix, rtol=0, atol=1e-9)
     assert list(by_image(back)) == [((2, 17), [0, 2]), ((2, 3), [1])]
 
 

@@ -55,7 +55,7 @@ def test_the_reader_finds_it_all(root: Path, scene: Any, objects: dict[int, Mesh
     np.testing.assert_allclose(depth, 0.507, atol=5e-5)  # metres
     first, *others = dataset.truth(3, 7)
     assert (first.object, first.visible_fraction) == (4, 0.75)
-    assert (first.pose.matrix() - scene.pose(7).matrix()).abs().max() < 1e-9
+    assert (first.pose.matrix - scene.pose(7).matrix).abs().max() < 1e-9
     assert [one.visible_fraction for one in others] == [0.5, 0.05]
     assert dataset.diameter(4) == pytest.approx(objects[4].diameter)
     back = dataset.mesh(4).symmetries
@@ -99,7 +99,7 @@ def test_a_scene_is_a_sequence_for_each_object(root: Path, scene: Any) -> None:
     assert list(nine.truth) == [0, 1], "where it occurs twice nothing tells which is which"
     assert four.symmetric and not nine.symmetric
     assert not four.load_mesh().symmetries.is_trivial
-    assert (four.truth[2].matrix() - scene.pose(7).matrix()).abs().max() < 1e-9
+    assert (four.truth[2].matrix - scene.pose(7).matrix).abs().max() < 1e-9
     np.testing.assert_array_equal([f.image for f in four.open()][2], scene.image(7))
     assert [one.name for one in read_bop_sequences(root / "test")] == [four.name, nine.name]
 

@@ -54,8 +54,8 @@ def test_every_format_is_recognised_and_opened(
     (found,) = open_dataset(root)
     (same,) = open_dataset(root, kind)
     assert found.name == same.name and len(found.truth) == 2
-    assert (found.truth[1].matrix() - scene.pose(1).matrix()).abs().max() < 1e-8
-    assert (found.start.matrix() - scene.pose(0).matrix()).abs().max() < 1e-8
+    assert (found.truth[1].matrix - scene.pose(1).matrix).abs().max() < 1e-8
+    assert (found.start.matrix - scene.pose(0).matrix).abs().max() < 1e-8
     assert [frame.error for frame in found.open()] == [None, None]
     assert found.load_mesh().diameter == pytest.approx(scene.mesh.diameter, rel=1e-4)
 

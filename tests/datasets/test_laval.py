@@ -43,7 +43,7 @@ def test_what_is_written_is_read(root: Path, scene: Any, brick: Mesh) -> None:
     one = found[1]
     assert (one.object, one.first, one.camera) == ("dog", 0, scene.camera)
     for frame in range(3):
-        difference = one.truth[frame].matrix() - scene.pose(frame).matrix()
+        difference = one.truth[frame].matrix - scene.pose(frame).matrix
         assert difference.abs().max() < 1e-12
     np.testing.assert_array_equal([f.image for f in one.open()], [scene.image(k) for k in range(3)])
     assert one.load_mesh().diameter == pytest.approx(brick.diameter, rel=1e-5)
@@ -71,7 +71,7 @@ def test_both_shapes_of_poses_mean_the_same(scene: Any) -> None:
     poses = Pose.stack([scene.pose(k) for k in range(4)])
     flat = to_opengl(poses).reshape(-1, 16)
     for values in (flat, flat.reshape(-1, 4, 4)):
-        torch.testing.assert_close(from_opengl(values, "here").matrix(), poses.matrix())
+        torch.testing.assert_close(from_opengl(values, "here").matrix, poses.matrix)
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,7 @@ def test_what_is_wrong_is_said(root: Path, scene: Any, tmp_path_factory: Any) ->
         read_laval(tmp_path_factory.mktemp("empty"))
     with pytest.raises(InputError, match="is no name of a Laval sequence"):
         split_name("dog")
-    opencv = Pose.stack([scene.pose(0)]).matrix().numpy()
+    opencv = Pose.stack([scene.pose(0)]).matrix.numpy()
     with pytest.raises(InputError, match="these look like OpenCV's"):
         from_opengl(opencv, "here")
     (root / "dog" / "geometry.ply").unlink()

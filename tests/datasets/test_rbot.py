@@ -28,7 +28,7 @@ def test_what_is_written_is_read(root: Path, scene: Any, brick: Mesh) -> None:
     one = found[1]
     assert (one.level, one.object, one.mesh_unit) == ("c_noisy", "cat", "mm")
     for frame in range(3):
-        assert (one.truth[frame].matrix() - scene.pose(frame).matrix()).abs().max() < 1e-8
+        assert (one.truth[frame].matrix - scene.pose(frame).matrix).abs().max() < 1e-8
     assert one.load_mesh().diameter == pytest.approx(brick.diameter, rel=1e-5)
     np.testing.assert_array_equal([f.image for f in one.open()][2], scene.image(2))
     assert one.camera.cx == pytest.approx(scene.camera.cx)

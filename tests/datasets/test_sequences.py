@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 
-from moveit6d.datasets.pose_files import PoseRow, read_poses, write_pose, write_poses
+from moveit6d.datasets.pose_files import PoseRow, read_poses, write_poses
 from moveit6d.datasets.sequences import Sequence, read_sequence, read_sequences
 from moveit6d.datasets.video import open_frames
 from moveit6d.errors import InputError
@@ -26,14 +26,14 @@ def test_a_sequence_is_read_whole(make_sequence: Make) -> None:
     assert found.camera == made.camera and found.mesh == made.folder / "mesh.ply"
     assert list(found.truth) == [0, 1, 2, 3]
     for frame, pose in found.truth.items():
-        torch.testing.assert_close(pose.matrix(), made.poses[frame].matrix(), rtol=0, atol=1e-9)
+        torch.testing.assert_close(pose.matrix, made.poses[frame].matrix, rtol=0, atol=1e-9)
     assert open_frames(found.frames).length == 4
 
 
 def test_the_start_file_wins_over_the_truth(make_sequence: Make) -> None:
     made = make_sequence()
     other = Pose(made.poses[0].rotation, made.poses[0].translation + 0.01)
-    write_pose(made.folder / "start.json", other)
+    other.save(made.folder / "start.json")
     (found,) = read_sequence(made.folder)
     assert torch.equal(found.start.translation, other.translation)
     torch.testing.assert_close(found.truth[0].translation, made.poses[0].translation)

@@ -16,11 +16,11 @@ import pytest
 from PIL import Image as Pillow
 
 from moveit6d.datasets.video import (
-    Frame,
     ImageFolder,
     ImageList,
     LiveCamera,
     Prefetched,
+    VideoFrame,
     open_frames,
     read_image,
 )
@@ -214,7 +214,7 @@ def test_a_camera_gives_rgb_and_ends_when_it_is_gone(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(cv2, "VideoCapture", Device)
     camera = open_frames(0)
     assert isinstance(camera, LiveCamera) and camera.length is None and camera.fps == 30
-    frames: list[Frame] = list(itertools.islice(camera, 100))
+    frames: list[VideoFrame] = list(itertools.islice(camera, 100))
     assert len(frames) == 32
     assert frames[0].image is not None
     np.testing.assert_array_equal(frames[0].image, picture(0))
@@ -232,13 +232,13 @@ class Counted:
         self.held: weakref.WeakSet[Held] = weakref.WeakSet()
         self.most = 0
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[VideoFrame]:
         for number in range(self.stop):
             self.made += 1
             image = np.zeros((8, 8, 3), np.uint8).view(Held)
             self.held.add(image)
             self.most = max(self.most, len(self.held))
-            yield Frame(number, str(number), image)
+            yield VideoFrame(number, str(number), image)
             del image
         if self.stop < 3000:
             raise InputError("the disk is gone.")

@@ -42,7 +42,7 @@ def test_what_is_written_is_read(root: Path, scene: Any, brick: Mesh) -> None:
     assert (drill.first, bowl.first) == (0, 1) and list(bowl.truth) == [1, 2, 3, 4]
     assert drill.keyframes == {0, 2, 4} and bowl.keyframes == {2, 4}
     for frame, pose in bowl.truth.items():
-        assert (pose.matrix() - scene.pose(frame + 9).matrix()).abs().max() < 1e-12
+        assert (pose.matrix - scene.pose(frame + 9).matrix).abs().max() < 1e-12
     np.testing.assert_array_equal([f.image for f in drill.open()][4], scene.image(4))
     assert drill.load_mesh().diameter == pytest.approx(brick.diameter, rel=1e-5)
     assert drill.points is not None
@@ -99,7 +99,7 @@ def test_without_a_matrix_the_scene_tells_the_camera(
 ) -> None:
     frames = [(np.zeros((480, 640, 3), np.uint8), {DRILL: scene.pose(0)})]
     place = write_ycbv_scene(tmp_path, scene_number, {DRILL: brick}, scene.camera, frames)
-    content = {"cls_indexes": np.array([DRILL]), "poses": scene.pose(0).matrix()[:3].numpy()}
+    content = {"cls_indexes": np.array([DRILL]), "poses": scene.pose(0).matrix[:3].numpy()}
     savemat(place / "000001-meta.mat", content)
     (one,) = read_ycbv(tmp_path)
     assert one.camera.fx == fx and one.camera.width == 640

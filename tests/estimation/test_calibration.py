@@ -7,21 +7,26 @@ import pytest
 import torch
 
 from moveit6d.actions import pose_delta
+from moveit6d.config import ActionMode, TrackerConfig
 from moveit6d.estimation import PoseTracker
-from moveit6d.estimation.calibration import LASTING, MOST, depth_bias
-from moveit6d.estimation.frame import prepare_frame
+from moveit6d.estimation.calibration import depth_bias
+from moveit6d.estimation.results import Start
+from moveit6d.frame import prepare_frame
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import ActionMode, LoopState, OraclePolicy
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.policies import LoopState, OraclePolicy
+from moveit6d.rendering.backends import make_renderer
+from tests.support.configs import NO_CONTOUR
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
 GRAY = np.full((240, 320, 3), 90, np.uint8)
 TRUTH = Pose(torch.eye(3).double(), torch.tensor([0.02, -0.01, 0.7], dtype=torch.float64))
+
+CONFIG = TrackerConfig()
 
 
 @dataclass
@@ -55,15 +60,18 @@ def left(mesh: Mesh, pose: Pose | None) -> float:
 @pytest.mark.parametrize("bias", [1.5, -0.8])
 def test_the_bias_is_read_where_the_pose_is_known(brick: Mesh, bias: float) -> None:
     frame, policy = prepare_frame(GRAY, CAMERA), TooNear(TRUTH, bias)
-    found = depth_bias(frame, brick, brick.outer(TRUTH), policy, make_renderer())
-    assert found == pytest.approx(LASTING * bias, abs=0.05)
+    found = depth_bias(Start(frame, brick, TRUTH), policy, make_renderer(), CONFIG)
+    assert found == pytest.approx(CONFIG.calibration.share * bias, abs=0.05)
     single = replace(policy, mode=ActionMode.SINGLE)
-    assert depth_bias(frame, brick, brick.outer(TRUTH), single, make_renderer()) == 0.0
+    assert depth_bias(Start(frame, brick, TRUTH), single, make_renderer(), CONFIG) == 0.0
 
 
 def test_an_error_that_is_too_large_for_a_bias_is_limited(brick: Mesh) -> None:
     frame, policy = prepare_frame(GRAY, CAMERA), TooNear(TRUTH, -9.0)
-    assert depth_bias(frame, brick, brick.outer(TRUTH), policy, make_renderer()) == -MOST
+    assert (
+        depth_bias(Start(frame, brick, TRUTH), policy, make_renderer(), CONFIG)
+        == -CONFIG.calibration.max_bias
+    )
 
 
 def test_an_object_that_just_looks_into_the_image_is_no_error(brick: Mesh) -> None:
@@ -72,16 +80,16 @@ def test_an_object_that_just_looks_into_the_image_is_no_error(brick: Mesh) -> No
     place = torch.tensor([edge - 1e-4, 0.0, depth], dtype=torch.float64)
     pose = Pose(torch.eye(3).double(), place)
     frame, policy = prepare_frame(GRAY, CAMERA), TooNear(pose, 1.0)
-    found = depth_bias(frame, brick, brick.outer(pose), policy, make_renderer())
-    assert found == pytest.approx(LASTING, abs=0.1)
+    found = depth_bias(Start(frame, brick, pose), policy, make_renderer(), CONFIG)
+    assert found == pytest.approx(CONFIG.calibration.share, abs=0.1)
 
 
 def test_a_tracker_that_has_learnt_does_without_most_of_it(brick: Mesh) -> None:
     policy = TooNear(TRUTH, 1.5)
-    for learns, expected in ((False, -1.5), (True, (LASTING - 1) * 1.5)):
-        tracker = PoseTracker(brick, CAMERA, brick.outer(TRUTH), policy=policy, contour=False)
+    for learns, expected in ((False, -1.5), (True, (CONFIG.calibration.share - 1) * 1.5)):
+        tracker = PoseTracker(brick, CAMERA, brick.outer(TRUTH), policy=policy, config=NO_CONTOUR)
         if learns:
             tracker.calibrate(GRAY)
         for _ in range(2):
-            result = tracker.update(GRAY)[0]
+            result = tracker.update(GRAY)
         assert left(brick, result.pose) == pytest.approx(expected, abs=0.1)

@@ -6,13 +6,16 @@ import pytest
 import torch
 
 from moveit6d.actions import PoseAction, pose_delta
-from moveit6d.estimation import PoseEstimator, StopReason, Target, TrackingResult
+from moveit6d.config import ActionMode, ContourConfig, TrackerConfig
+from moveit6d.estimation import PoseEstimator, StopReason, Target
 from moveit6d.estimation.contour_stage import refine_result
+from moveit6d.estimation.results import Refined, starts_of
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.policies import ActionMode, OraclePolicy
+from moveit6d.policies import OraclePolicy
 from moveit6d.rendering import make_renderer
 from tests.support import pictures
+from tests.support.configs import NO_CONTOUR
 
 TRUTH = Pose(torch.eye(3).double(), torch.tensor([0.02, -0.01, 0.5], dtype=torch.float64))
 
@@ -33,25 +36,28 @@ def near(brick: Mesh) -> Target:
 
 
 def test_only_pose_and_time_change(near: Target) -> None:
-    given = TrackingResult(near.pose, 3, StopReason.STOP_ACTION, 0.7, 5.0)
-    found, histograms = refine_result(near, given, make_renderer())
-    assert off(found.pose, near.mesh) < 0.8 * off(given.pose, near.mesh)
+    (start,) = starts_of([near])
+    given = Refined(start.centred, 3, StopReason.STOP_ACTION, 0.7, 5.0)
+    found, histograms = refine_result(start, given, make_renderer(), ContourConfig())
+    assert found.centred is not None
+    assert off(near.mesh.outer(found.centred), near.mesh) < 0.8 * off(near.pose, near.mesh)
     assert found.milliseconds > 5.0 and histograms is not None
-    assert replace(found, pose=None, milliseconds=5.0) == replace(given, pose=None)
+    assert replace(found, centred=None, milliseconds=5.0) == replace(given, centred=None)
 
 
 def test_a_failed_result_stays(near: Target) -> None:
-    failed = TrackingResult(None, 1, StopReason.FAILED, 0.0, 5.0, "lost")
-    assert refine_result(near, failed, make_renderer()) == (failed, None)
+    (start,) = starts_of([near])
+    failed = Refined(None, 1, StopReason.FAILED, 0.0, 5.0, "lost")
+    assert refine_result(start, failed, make_renderer(), ContourConfig()) == (failed, None)
 
 
 def test_an_estimator_polishes_unless_it_is_told_not_to(near: Target) -> None:
     policy = OraclePolicy(Pose.stack([near.mesh.inner(near.pose)]), ActionMode.ALL_AXES)
     refined, plain = (
-        PoseEstimator(near.mesh, near.camera, policy=policy, contour=contour)
+        PoseEstimator(near.mesh, near.camera, policy=policy, config=config)
         .refine(near.image, near.pose)
         .pose
-        for contour in (True, False)
+        for config in (TrackerConfig(), NO_CONTOUR)
     )
     assert off(plain, near.mesh) == pytest.approx(8**0.5, abs=0.1)
     assert off(refined, near.mesh) < 0.8 * off(plain, near.mesh)

@@ -1,24 +1,28 @@
 """The detector finds an object without a start, and each criterion chooses as it says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from moveit6d import PoseDetector
 from moveit6d.actions import pose_delta
+from moveit6d.config import ActionMode
 from moveit6d.errors import InputError
-from moveit6d.estimation import DetectorConfig, SelectionCriterion, StopReason, TrackingResult
+from moveit6d.estimation import SeedDetectorConfig, SelectionCriterion, StopReason, TrackingResult
 from moveit6d.estimation.detector import BATCH, Candidate, best_of, strongest
 from moveit6d.estimation.seeding import Sink
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
-from moveit6d.policies import ActionMode, OraclePolicy
+from moveit6d.policies import OraclePolicy
+from tests.support.configs import limited
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
 GRAY = np.full((240, 320, 3), 90, np.uint8)
-SMALL = DetectorConfig(sizes=(0.3,), poses=1, sinks=1, rotations=4)
+SMALL = SeedDetectorConfig(sizes=(0.3,), poses=1, sinks=1, rotations=4)
 
 
 def a_sink(x: float, strength: float) -> Sink:
@@ -43,7 +47,9 @@ def test_an_oracle_is_found_without_a_start(brick: Mesh, criterion: SelectionCri
     truth = Pose(turn, torch.tensor([0.06, -0.02, 0.75], dtype=torch.float64))
     many = Pose(turn.expand(BATCH, 3, 3), truth.translation.expand(BATCH, 3))
     policy = OraclePolicy(many, ActionMode.ALL_AXES)
-    detector = PoseDetector(brick, CAMERA, criterion=criterion, config=SMALL, policy=policy)
+    detector = PoseDetector(
+        brick, CAMERA, config=replace(SMALL, criterion=criterion), policy=policy
+    )
     found = detector.detect(GRAY)
     assert found.pose is not None and len(found.candidates) == 4 and len(found.fields) == 1
     diameter = torch.tensor(brick.sphere_diameter, dtype=torch.float64)
@@ -81,7 +87,10 @@ def test_nothing_that_moves_inward_is_no_detection(brick: Mesh) -> None:
 
     pose = Pose(torch.eye(3).double()[None], torch.tensor([[0.0, 0.0, 0.75]]).double())
     found = PoseDetector(
-        brick, CAMERA, config=SMALL, policy=Away(pose, ActionMode.ALL_AXES), max_iterations=1
+        brick,
+        CAMERA,
+        config=replace(SMALL, loop=limited(1)),
+        policy=Away(pose, ActionMode.ALL_AXES),
     ).detect(GRAY)
     assert all(
         (sink.centre - torch.tensor([159.5, 119.5])).norm() > 40
@@ -95,12 +104,12 @@ def test_nothing_that_moves_inward_is_no_detection(brick: Mesh) -> None:
 )
 def test_a_search_that_looks_nowhere_is_refused(options: dict, message: str) -> None:  # type: ignore[type-arg]
     with pytest.raises(InputError, match=message):
-        DetectorConfig(**options)
+        SeedDetectorConfig(**options)
 
 
 def test_unknown_criteria_and_wrong_images_are_refused(brick: Mesh) -> None:
     policy = OraclePolicy(Pose.identity(1))
-    with pytest.raises(InputError, match="no selection criterion 'luck'"):
-        PoseDetector(brick, CAMERA, criterion="luck", policy=policy)
+    with pytest.raises(InputError, match="no criterion 'luck'"):
+        SeedDetectorConfig(criterion="luck")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="320×240"):
         PoseDetector(brick, CAMERA, policy=policy).detect(np.zeros((10, 10, 3), np.uint8))

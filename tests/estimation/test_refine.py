@@ -1,5 +1,6 @@
 """The loop with the oracle: it reaches the truth, and each stop rule ends it as the paper says."""
 
+import re
 from dataclasses import replace
 
 import cv2
@@ -8,9 +9,11 @@ import pytest
 import torch
 
 from moveit6d.actions import PoseAction, pose_delta
-from moveit6d.errors import InputError, RenderingUnavailable
+from moveit6d.config import ActionMode, LoopConfig
+from moveit6d.errors import RenderingUnavailable
 from moveit6d.estimation import StopReason, Target, refine_batch
-from moveit6d.estimation.refine import FINE_SCALE, FINE_THRESHOLD
+from moveit6d.estimation.refine import refine_starts
+from moveit6d.estimation.results import Start, starts_of
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.mesh import Mesh
@@ -18,9 +21,11 @@ from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
 from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import ActionMode, LoopState, OraclePolicy
-from moveit6d.rendering.renderer import Renderer, make_renderer
+from moveit6d.policies import LoopState, OraclePolicy
+from moveit6d.rendering.backends import make_renderer
+from moveit6d.rendering.renderer import Renderer
 from moveit6d.synthesis.training.clusters import ClusterConfig, draw_delta
+from tests.support.configs import limited
 
 CAMERA = Camera(600, 600, 319.5, 239.5, 640, 480)
 IMAGE = np.random.default_rng(0).integers(0, 255, (480, 640, 3), dtype=np.uint8)
@@ -63,7 +68,7 @@ def test_the_oracle_reaches_the_truth(brick: Mesh, name: str, mode: ActionMode) 
     number = 12 if mode is ActionMode.ALL_AXES else 3
     targets, truth = some_targets(brick, number)
     results = refine_batch(
-        targets, policy=OraclePolicy(truth, mode), renderer=renderer, max_iterations=200
+        targets, policy=OraclePolicy(truth, mode), renderer=renderer, loop=limited(200)
     )
     for i, result in enumerate(results):
         assert result.stopped_by is StopReason.STOP_ACTION
@@ -76,7 +81,7 @@ def test_a_policy_of_axis_parallel_crops_reaches_the_truth_as_well(
 ) -> None:
     targets, truth = some_targets(brick, 3)
     policy = OraclePolicy(truth, mode, "axis_parallel")
-    results = refine_batch(targets, policy=policy, renderer=make_renderer(), max_iterations=200)
+    results = refine_batch(targets, policy=policy, renderer=make_renderer(), loop=limited(200))
     for i, result in enumerate(results):
         assert result.stopped_by is StopReason.STOP_ACTION
         assert counts_left(brick, result.pose, truth[i]) < 0.6  # counted in the other crop
@@ -100,7 +105,7 @@ def test_what_a_policy_of_axis_parallel_crops_sees_lies_on_what_is_rendered(bric
 
     policy = Witness(pose[None], ActionMode.ALL_AXES, "axis_parallel")
     target = Target(image, CAMERA, brick, brick.outer(pose))
-    refine_batch([target], policy=policy, renderer=make_renderer(), max_iterations=1)
+    refine_batch([target], policy=policy, renderer=make_renderer(), loop=limited(1))
     photographed, rendered = shown[0]
     assert (photographed & rendered).sum() > 0.95 * (photographed | rendered).sum()
 
@@ -145,46 +150,47 @@ class Onlooker(OraclePolicy):
 
 
 def looks(
-    brick: Mesh, policy: Onlooker, target: Target, max_iterations: int | None = None
+    brick: Mesh, policy: Onlooker, start: Start, max_iterations: int | None = None
 ) -> list[bool]:
     """Which cycles were shown the middle of the object."""
-    refine_batch([target], policy=policy, renderer=make_renderer(), max_iterations=max_iterations)
+    loop = LoopConfig(max_iterations=max_iterations)
+    refine_starts([start], policy=policy, renderer=make_renderer(), loop=loop)
     fine = [diameter < 0.99 * brick.sphere_diameter for diameter in policy.diameters]
     for diameter in policy.diameters:
         part = brick.sphere_diameter / diameter
-        assert part == pytest.approx(1) or part == pytest.approx(FINE_SCALE)
+        assert part == pytest.approx(1) or part == pytest.approx(LoopConfig().fine_scale)
     return fine
 
 
 def test_whoever_comes_close_looks_closely_and_sees_more_of_less(brick: Mesh) -> None:
     targets, truth = some_targets(brick, 1, cluster="all_large")
     policy = Onlooker(truth, ActionMode.ALL_AXES)
-    assert looks(brick, policy, targets[0]) == [False, False, True]
+    assert looks(brick, policy, starts_of(targets)[0]) == [False, False, True]
     assert policy.widths[2] > 1.2 * policy.widths[1]
 
 
 def test_a_start_that_is_known_to_be_close_is_looked_at_closely_at_once(brick: Mesh) -> None:
     targets, truth = some_targets(brick, 1, cluster="near")
-    fine = replace(targets[0], fine=True)
+    fine = replace(starts_of(targets)[0], fine=True)
     assert all(looks(brick, Onlooker(truth, ActionMode.ALL_AXES), fine))
 
 
-def test_the_last_cycle_is_a_close_look_even_if_nothing_came_close(brick: Mesh) -> None:
+def test_the_last_iteration_is_fine_even_without_a_small_delta(brick: Mesh) -> None:
     targets, truth = some_targets(brick, 1, cluster="near")
-    walker = Onlooker(truth, ActionMode.ALL_AXES, walk=1.5 * FINE_THRESHOLD)
-    assert looks(brick, walker, targets[0], 4) == [False, False, False, True]
+    walker = Onlooker(truth, ActionMode.ALL_AXES, walk=1.5 * LoopConfig().fine_threshold)
+    assert looks(brick, walker, starts_of(targets)[0], 4) == [False, False, False, True]
 
 
-def test_single_actions_never_look_closely(brick: Mesh) -> None:
+def test_single_actions_have_no_fine_stage(brick: Mesh) -> None:
     targets, truth = some_targets(brick, 1, cluster="all_small")
-    fine = replace(targets[0], fine=True)
+    fine = replace(starts_of(targets)[0], fine=True)
     assert not any(looks(brick, Onlooker(truth, ActionMode.SINGLE), fine))
 
 
 def test_the_limit_of_steps_ends_a_loop(brick: Mesh) -> None:
     targets, truth = some_targets(brick, 2, cluster="all_large")
     results = refine_batch(
-        targets, policy=OraclePolicy(truth), renderer=make_renderer(), max_iterations=4
+        targets, policy=OraclePolicy(truth), renderer=make_renderer(), loop=limited(4)
     )
     assert [(r.iterations, r.stopped_by) for r in results] == [(4, StopReason.MAX_ITERATIONS)] * 2
 
@@ -223,7 +229,7 @@ def test_stop_keeps_the_pose(brick: Mesh) -> None:
     result = refine_batch(targets, policy=Scripted([12], [0.5]), renderer=make_renderer())[0]
     assert result.stopped_by is StopReason.STOP_ACTION and result.iterations == 1
     assert result.pose is not None
-    torch.testing.assert_close(result.pose.matrix(), targets[0].pose.matrix())
+    torch.testing.assert_close(result.pose.matrix, targets[0].pose.matrix)
 
 
 class RunsAway(Scripted):
@@ -261,11 +267,16 @@ def test_nothing_to_do_gives_nothing(brick: Mesh) -> None:
         ([0, 0, float("nan")], "not finite"),
     ],
 )
-def test_starts_out_of_sight_are_refused(brick: Mesh, place: list[float], message: str) -> None:
+def test_starts_out_of_sight_fail_alone(brick: Mesh, place: list[float], message: str) -> None:
     pose = Pose(torch.eye(3).double(), torch.tensor(place, dtype=torch.float64))
     target = Target(IMAGE, CAMERA, brick, pose)
-    with pytest.raises(InputError, match=message):
-        refine_batch([target], policy=Scripted([], []), renderer=make_renderer())
+    seen, truth = some_targets(brick, 1, cluster="near")
+    failed, fine = refine_batch(
+        [target, *seen], policy=OraclePolicy(Pose.stack([truth[0]] * 2)), renderer=make_renderer()
+    )
+    assert failed.pose is None and failed.stopped_by is StopReason.FAILED
+    assert failed.error is not None and re.search(message, failed.error)
+    assert fine.pose is not None, "one start that cannot be seen fails alone"
 
 
 class _Knowing(OraclePolicy):
@@ -278,16 +289,21 @@ class _Knowing(OraclePolicy):
         return PolicyOutput(prediction.logits, prediction.delta, belief)
 
 
-def test_of_several_starts_the_most_believed_goes_on(brick: Mesh) -> None:
+def test_of_several_starts_the_most_confident_goes_on(brick: Mesh) -> None:
     far, truth = some_targets(brick, 2, cluster="all_large")
     near, _ = some_targets(brick, 2, cluster="all_small")
     targets = [far[0], near[0], near[1], far[1]]
     policy = _Knowing(truth)
     renderer = make_renderer("embree")
-    results = refine_batch(
-        targets, policy=policy, renderer=renderer, max_iterations=200, groups=[0, 0, 1, 1]
+    results = refine_starts(
+        starts_of(targets),
+        policy=policy,
+        renderer=renderer,
+        loop=limited(200),
+        groups=[0, 0, 1, 1],
     )
-    alone = refine_batch(near, policy=policy, renderer=renderer, max_iterations=200)
+    alone = refine_batch(near, policy=policy, renderer=renderer, loop=limited(200))
     assert [result.iterations for result in results] == [result.iterations for result in alone]
     for i, result in enumerate(results):
-        assert counts_left(brick, result.pose, truth[i]) < 0.5
+        assert result.centred is not None
+        assert counts_left(brick, brick.outer(result.centred), truth[i]) < 0.5

@@ -5,8 +5,8 @@ import pytest
 import torch
 from scipy.ndimage import gaussian_filter
 
+from moveit6d.config import ActionMode
 from moveit6d.errors import InputError
-from moveit6d.estimation.frame import prepare_frame
 from moveit6d.estimation.seeding import (
     SeedField,
     find_sinks,
@@ -18,14 +18,15 @@ from moveit6d.estimation.seeding import (
     smoothed,
     spacing,
 )
+from moveit6d.frame import prepare_frame
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.crop import look_at
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
 from moveit6d.networks.policy_output import PolicyOutput
-from moveit6d.policies import ActionMode, OraclePolicy
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.policies import OraclePolicy
+from moveit6d.rendering.backends import make_renderer
 
 CAMERA = Camera(300, 310, 160.5, 118.5, 320, 240)
 GRAY = np.full((240, 320, 3), 90, np.uint8)

@@ -5,24 +5,21 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from moveit6d.actions import pose_delta
+from moveit6d.config import TrackerConfig
 from moveit6d.contour import ColourHistograms
-from moveit6d.estimation.track_state import (
-    HIGH_CONFIDENCE,
-    HISTOGRAM_RATE,
-    LOW_CONFIDENCE,
-    VELOCITY_DECAY,
-    VELOCITY_RATE,
-    TrackState,
-)
+from moveit6d.estimation.track_state import TrackState
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
+from tests.support.configs import HIGH_CONFIDENCE, LOW_CONFIDENCE
+
+MOTION = TrackerConfig().motion
 
 
 def moving(mesh: Mesh, frame: int) -> Pose:
     """An object that turns and drifts evenly about its centre."""
     turn = Rotation.from_rotvec(np.array([0.02, -0.1, 0.05]) * frame).as_matrix()
     place = np.array([0.03, -0.02, 0.04]) * frame + [0.0, 0.0, 0.8]
-    return mesh.outer(Pose(torch.from_numpy(turn), torch.from_numpy(place)))
+    return Pose(torch.from_numpy(turn), torch.from_numpy(place))
 
 
 def above_high(track: TrackState, *poses: Pose) -> TrackState:
@@ -36,8 +33,8 @@ def test_an_even_motion_is_continued(brick: Mesh) -> None:
         TrackState.begin(brick, moving(brick, 0)), moving(brick, 1), moving(brick, 2)
     )
     last, ahead = track.starts()
-    torch.testing.assert_close(last.matrix(), moving(brick, 2).matrix())
-    torch.testing.assert_close(ahead.matrix(), moving(brick, 3).matrix())
+    torch.testing.assert_close(last.matrix, moving(brick, 2).matrix)
+    torch.testing.assert_close(ahead.matrix, moving(brick, 3).matrix)
 
 
 def test_an_object_at_rest_has_one_start(brick: Mesh) -> None:
@@ -52,8 +49,8 @@ def test_a_pose_of_low_confidence_is_not_extrapolated_and_the_last_good_one_kept
     track.add(moving(brick, 4), LOW_CONFIDENCE - 0.1)
     track.add(moving(brick, 6), LOW_CONFIDENCE - 0.1)
     last, last_confident_pose, *_ = track.starts()
-    torch.testing.assert_close(last.matrix(), moving(brick, 6).matrix())
-    torch.testing.assert_close(last_confident_pose.matrix(), moving(brick, 1).matrix())
+    torch.testing.assert_close(last.matrix, moving(brick, 6).matrix)
+    torch.testing.assert_close(last_confident_pose.matrix, moving(brick, 1).matrix)
 
 
 def test_half_sure_poses_are_gone_on_from_but_neither_continued_nor_gone_back_to(
@@ -64,9 +61,9 @@ def test_half_sure_poses_are_gone_on_from_but_neither_continued_nor_gone_back_to
         track.add(moving(brick, frame), (HIGH_CONFIDENCE + LOW_CONFIDENCE) / 2)
         assert track.above_low
         (only,) = track.starts()
-        torch.testing.assert_close(only.matrix(), moving(brick, frame).matrix())
+        torch.testing.assert_close(only.matrix, moving(brick, frame).matrix)
     track.miss()
-    torch.testing.assert_close(track.starts()[1].matrix(), moving(brick, 1).matrix())
+    torch.testing.assert_close(track.starts()[1].matrix, moving(brick, 1).matrix)
 
 
 def test_an_object_in_doubt_is_likely_on_its_way_and_slows_down(brick: Mesh) -> None:
@@ -77,19 +74,17 @@ def test_an_object_in_doubt_is_likely_on_its_way_and_slows_down(brick: Mesh) -> 
     ways = []
     for _ in range(60):
         last, seen, ahead = track.recovery_poses()
-        assert last is track.pose
-        torch.testing.assert_close(seen.matrix(), moving(brick, 3).matrix())
-        ways.append((brick.inner(ahead).translation - brick.inner(seen).translation).norm())
+        assert last is track.centred
+        torch.testing.assert_close(seen.matrix, moving(brick, 3).matrix)
+        ways.append(((ahead).translation - (seen).translation).norm())
         track.add(moving(brick, 9), LOW_CONFIDENCE - 0.1)
-    step = brick.inner(moving(brick, 1)).translation - brick.inner(moving(brick, 0)).translation
+    step = (moving(brick, 1)).translation - (moving(brick, 0)).translation
     torch.testing.assert_close(ways[0], step.norm())
     apart = np.diff(torch.stack(ways).numpy())
-    np.testing.assert_allclose(apart[1:] / apart[:-1], VELOCITY_DECAY, rtol=1e-6)
+    np.testing.assert_allclose(apart[1:] / apart[:-1], MOTION.velocity_decay, rtol=1e-6)
     first = TrackState.begin(brick, moving(brick, 3))
     first = above_high(first, moving(brick, 4))
-    delta = pose_delta(
-        brick.inner(first.recovery_poses()[2]), brick.inner(moving(brick, 5)), diameter
-    )
+    delta = pose_delta((first.recovery_poses()[2]), (moving(brick, 5)), diameter)
     assert delta.abs().max() < 1e-6, "in the next frame it is where the motion leads"
 
 
@@ -97,7 +92,7 @@ def test_a_motion_is_a_mean_and_forgotten_in_a_gap(brick: Mesh) -> None:
     here = moving(brick, 0)
     track = above_high(TrackState.begin(brick, here), here, moving(brick, 1))
     assert track.mean_velocity is not None and track.velocity is not None
-    torch.testing.assert_close(track.mean_velocity, VELOCITY_RATE * track.velocity)
+    torch.testing.assert_close(track.mean_velocity, MOTION.velocity_rate * track.velocity)
     track.miss()
     assert track.mean_velocity is not None, "it is what says where to look"
     track.add(here, 1.0)
@@ -129,7 +124,7 @@ def test_only_what_was_sure_and_hardly_moved_is_looked_at_closely_at_once(brick:
     assert not track.slow
 
 
-def test_colours_are_learnt_from_frames_that_are_believed(brick: Mesh) -> None:
+def test_histograms_are_updated_from_confident_frames(brick: Mesh) -> None:
     first, second = (ColourHistograms(np.full(8, v), np.full(8, 1 - v)) for v in (0.0, 1.0))
     track = TrackState.begin(brick, moving(brick, 0))
     track.add(moving(brick, 1), LOW_CONFIDENCE - 0.1)
@@ -141,5 +136,19 @@ def test_colours_are_learnt_from_frames_that_are_believed(brick: Mesh) -> None:
     track.update_histograms(first)
     track.update_histograms(second)
     assert track.histograms is not None
-    np.testing.assert_allclose(track.histograms.inside, HISTOGRAM_RATE)
-    np.testing.assert_allclose(track.histograms.outside, 1 - HISTOGRAM_RATE)
+    np.testing.assert_allclose(track.histograms.inside, TrackerConfig().contour.histogram_rate)
+    np.testing.assert_allclose(track.histograms.outside, 1 - TrackerConfig().contour.histogram_rate)
+
+
+def test_recovery_starts_become_rare_while_the_confidence_stays_low(brick: Mesh) -> None:
+    track = TrackState.begin(brick, moving(brick, 0))
+    due = []
+    for frame in range(12):
+        due.append(track.is_recovery_due())
+        if frame % 2:
+            track.miss()
+        else:
+            track.add(moving(brick, 0), LOW_CONFIDENCE - 0.1)
+    assert due == [True, True, False, False, True] + [False, False, True] * 2 + [False]
+    track.add(moving(brick, 0), LOW_CONFIDENCE)
+    assert track.is_recovery_due() and track.frames_low == 0

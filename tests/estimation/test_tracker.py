@@ -7,10 +7,10 @@ import pytest
 import torch
 
 from moveit6d.actions import PoseAction, pose_delta
+from moveit6d.config import ActionMode, TrackerConfig
 from moveit6d.contour import ColourHistograms, refine_contour
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseEstimator, PoseTracker, StopReason
-from moveit6d.estimation.track_state import LOW_CONFIDENCE
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -18,9 +18,10 @@ from moveit6d.geometry.rotation import exp_so3, log_so3
 from moveit6d.geometry.symmetry import ContinuousSymmetry, Symmetries
 from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import ActionMode, LoopState, OraclePolicy
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.policies import LoopState, OraclePolicy
+from moveit6d.rendering.backends import make_renderer
 from tests.support import pictures
+from tests.support.configs import LOOP_ONLY, LOW_CONFIDENCE, NO_CONTOUR
 from tests.support.near_sighted import NearSighted
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
@@ -35,11 +36,11 @@ def test_every_frame_starts_where_the_last_one_ended(brick: Mesh) -> None:
     tracker = PoseTracker(
         brick, CAMERA, at(0.0), policy=OraclePolicy(Pose.stack([brick.inner(at(0.01))]))
     )
-    first = tracker.update(GRAY)[0]
-    second = tracker.update(GRAY)[0]
+    first = tracker.update(GRAY)
+    second = tracker.update(GRAY)
     assert first.iterations > 3 and second.iterations == 1
     assert first.pose is not None and second.pose is not None
-    torch.testing.assert_close(second.pose.matrix(), first.pose.matrix())
+    torch.testing.assert_close(second.pose.matrix, first.pose.matrix)
 
 
 def test_several_objects_in_one_batch(brick: Mesh) -> None:
@@ -55,12 +56,12 @@ def test_several_objects_in_one_batch(brick: Mesh) -> None:
 def test_an_object_in_doubt_is_looked_for_around_where_it_was_sure(brick: Mesh) -> None:
     jump = at(0.047)  # 28 counts: farther than this policy sees
     policy = NearSighted(brick.inner(at(0.0)), 21.0, doubt=0.3)
-    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, contour=False)
-    assert tracker.update(GRAY)[0].confidence == pytest.approx(0.95)
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, config=NO_CONTOUR)
+    assert tracker.update(GRAY).confidence == pytest.approx(0.95)
     policy.truth = brick.inner(jump)
-    found = tracker.update(GRAY)[0]
+    found = tracker.update(GRAY)
     assert found.pose is not None and found.confidence == pytest.approx(0.95)
-    torch.testing.assert_close(found.pose.matrix(), jump.matrix())
+    torch.testing.assert_close(found.pose.matrix, jump.matrix)
 
 
 def test_what_is_found_elsewhere_but_in_doubt_is_left_there(brick: Mesh) -> None:
@@ -75,40 +76,40 @@ def test_what_is_found_elsewhere_but_in_doubt_is_left_there(brick: Mesh) -> None
             )
 
     policy = Wary(brick.inner(at(0.039)), 21.0, doubt=0.3)
-    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, contour=False)
-    result = tracker.update(GRAY)[0]
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, config=NO_CONTOUR)
+    result = tracker.update(GRAY)
     assert result.pose is not None and result.confidence == pytest.approx(0.3)
-    torch.testing.assert_close(result.pose.matrix(), at(0.0).matrix())
+    torch.testing.assert_close(result.pose.matrix, at(0.0).matrix)
     assert policy.asked > result.iterations, "it did look"
 
 
 def test_a_way_that_leads_through_the_camera_ends_no_track(brick: Mesh) -> None:
     policy = NearSighted(brick.inner(at(0.0, 0.6)), 60.0, doubt=0.3)
-    tracker = PoseTracker(brick, CAMERA, at(0.0, 0.6), policy=policy, contour=False)
+    tracker = PoseTracker(brick, CAMERA, at(0.0, 0.6), policy=policy, config=NO_CONTOUR)
     for z in (0.6, 0.5, 0.4):
         policy.truth = brick.inner(at(0.0, z))
-        assert tracker.update(GRAY)[0].confidence > LOW_CONFIDENCE
+        assert tracker.update(GRAY).confidence > LOW_CONFIDENCE
     policy.reach = 0.0
     for _ in range(9):
-        result = tracker.update(GRAY)[0]
+        result = tracker.update(GRAY)
         assert result.pose is not None and result.confidence == pytest.approx(0.3)
-    assert any(
-        float(brick.inner(pose).translation[2]) < 0 for pose in tracker.tracks[0].recovery_poses()
-    ), "or the test says nothing"
+    assert any(float(pose.translation[2]) < 0 for pose in tracker.tracks[0].recovery_poses()), (
+        "or the test says nothing"
+    )
 
 
-def test_what_is_believed_is_not_looked_for_elsewhere(brick: Mesh) -> None:
+def test_a_confident_frame_has_no_recovery_starts(brick: Mesh) -> None:
     policy = NearSighted(brick.inner(at(0.01)), 0.0, doubt=LOW_CONFIDENCE + 0.01)
-    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, contour=False)
-    assert tracker.update(GRAY)[0].iterations == policy.asked
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, config=NO_CONTOUR)
+    assert tracker.update(GRAY).iterations == policy.asked
 
 
 def test_each_frame_looks_at_other_places_and_the_papers_policy_at_none(brick: Mesh) -> None:
     for mode in ActionMode:
         policy = NearSighted(brick.inner(at(0.0)), 0.0, doubt=0.3, mode=mode)
-        tracker = PoseTracker(brick, CAMERA, at(0.01), policy=policy, contour=False)
+        tracker = PoseTracker(brick, CAMERA, at(0.01), policy=policy, config=NO_CONTOUR)
         before = tracker.tracks[0].random.bit_generator.state["state"]
-        result = tracker.update(GRAY)[0]
+        result = tracker.update(GRAY)
         after = tracker.tracks[0].random.bit_generator.state["state"]
         looked = mode is ActionMode.ALL_AXES
         assert (policy.asked > result.iterations) == looked == (before != after)
@@ -116,37 +117,37 @@ def test_each_frame_looks_at_other_places_and_the_papers_policy_at_none(brick: M
 
 def test_without_search_it_never_costs_more_than_the_loop(brick: Mesh) -> None:
     policy = NearSighted(brick.inner(at(0.047)), 21.0, doubt=0.3)
-    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, multi_start=False, contour=False)
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, config=LOOP_ONLY)
     for _ in range(3):
         policy.asked = 0
-        result = tracker.update(GRAY)[0]
+        result = tracker.update(GRAY)
         assert result.confidence == pytest.approx(0.3) and policy.asked == result.iterations
 
 
 def test_an_object_that_is_not_found_stays_where_it_was_last(brick: Mesh) -> None:
     policy = NearSighted(brick.inner(at(0.0)), 0.0, doubt=0.3)
-    tracker = PoseTracker(brick, CAMERA, at(0.01), policy=policy, multi_start=False, contour=False)
+    tracker = PoseTracker(brick, CAMERA, at(0.01), policy=policy, config=LOOP_ONLY)
     for _ in range(2):
-        result = tracker.update(GRAY)[0]
+        result = tracker.update(GRAY)
         assert result.pose is not None
-        torch.testing.assert_close(result.pose.matrix(), at(0.01).matrix())
+        torch.testing.assert_close(result.pose.matrix, at(0.01).matrix)
 
 
 def test_a_track_is_the_same_after_a_reset_to_its_start(brick: Mesh) -> None:
     policy = NearSighted(brick.inner(at(0.047)), 21.0, doubt=0.3)
-    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, contour=False)
-    first = [tracker.update(GRAY)[0].pose for _ in range(3)]
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, config=NO_CONTOUR)
+    first = [tracker.update(GRAY).pose for _ in range(3)]
     tracker.reset(at(0.0))
     for before in first:
-        again = tracker.update(GRAY)[0].pose
+        again = tracker.update(GRAY).pose
         assert before is not None and again is not None
-        torch.testing.assert_close(before.matrix(), again.matrix(), rtol=0, atol=0)
+        torch.testing.assert_close(before.matrix, again.matrix, rtol=0, atol=0)
 
 
 BAD = [
     (np.full((240, 320, 3), np.nan), "not finite"),
-    (np.zeros((240, 320), np.uint8), "shape"),
-    (np.zeros((240, 320, 4), np.uint8), "shape"),
+    (np.zeros((240, 320, 2), np.uint8), "shape"),
+    (np.zeros((240, 320, 3), np.uint16), "uint16"),
     (np.zeros((480, 640, 3), np.uint8), "640×480"),
     (np.full((240, 320, 3), 200.0), r"\[0, 1\]"),
     (np.zeros((240, 320, 3), np.int64), "uint8"),
@@ -167,10 +168,10 @@ def test_an_estimator_refuses_images_that_do_not_fit(
 def test_a_bad_frame_never_ends_a_track(brick: Mesh, image: object, message: str) -> None:
     policy = OraclePolicy(Pose.stack([brick.inner(at(0.004))]))
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy)
-    failed = tracker.update(image)[0]
+    failed = tracker.update(image)
     assert failed.stopped_by is StopReason.FAILED and failed.pose is None
     assert failed.error is not None
-    assert tracker.update(GRAY)[0].pose is not None
+    assert tracker.update(GRAY).pose is not None
 
 
 def test_floating_point_images_are_welcome(brick: Mesh) -> None:
@@ -186,26 +187,26 @@ def test_lens_distortion_is_undone_first(brick: Mesh) -> None:
 
 
 def test_each_object_needs_its_start(brick: Mesh) -> None:
-    with pytest.raises(InputError, match="2 meshes but 1 start"):
+    with pytest.raises(InputError, match="2 meshes need"):
         PoseTracker([brick, brick], CAMERA, [at(0.0)], policy=OraclePolicy(Pose.stack([at(0.0)])))
 
 
 def test_a_reset_starts_the_next_frame_from_the_given_pose(brick: Mesh) -> None:
     policy = OraclePolicy(Pose.stack([brick.inner(at(0.01))]))
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy)
-    far = tracker.update(GRAY)[0].iterations
+    far = tracker.update(GRAY).iterations
     tracker.reset(at(0.01))
-    assert tracker.update(GRAY)[0].iterations == 1
+    assert tracker.update(GRAY).iterations == 1
     tracker.reset([at(0.0)])
-    assert tracker.update(GRAY)[0].iterations == far > 3
+    assert tracker.update(GRAY).iterations == far > 3
 
 
 def test_a_reset_to_a_pose_out_of_sight_changes_nothing(brick: Mesh) -> None:
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=OraclePolicy(Pose.stack([at(0.0)])))
-    for poses, message in ((at(5.0), "outside"), ([at(0.0), at(0.0)], "1 meshes but 2 start")):
+    for poses, message in ((at(5.0), "outside"), ([at(0.0), at(0.0)], "1 meshes need")):
         with pytest.raises(InputError, match=message):
             tracker.reset(poses)
-        torch.testing.assert_close(tracker.poses[0].matrix(), at(0.0).matrix())
+        torch.testing.assert_close(tracker.poses[0].matrix, at(0.0).matrix)
 
 
 def test_the_contour_is_refined_after_the_policy(brick: Mesh) -> None:
@@ -220,11 +221,15 @@ def test_the_contour_is_refined_after_the_policy(brick: Mesh) -> None:
     for contour in (True, False):
         policy = OraclePolicy(Pose.stack([wrong]), ActionMode.ALL_AXES)
         tracker = PoseTracker(
-            brick, pictures.CAMERA, brick.outer(truth), policy=policy, contour=contour
+            brick,
+            pictures.CAMERA,
+            brick.outer(truth),
+            policy=policy,
+            config=TrackerConfig() if contour else NO_CONTOUR,
         )
-        result = tracker.update(frame)[0]
+        result = tracker.update(frame)
         assert result.pose is not None
-        torch.testing.assert_close(result.pose.matrix(), tracker.poses[0].matrix())
+        torch.testing.assert_close(result.pose.matrix, tracker.poses[0].matrix)
         far.append(pose_delta(truth, brick.inner(result.pose), diameter).norm())
         assert (tracker.tracks[0].histograms is not None) == contour
     assert far[0] < 0.8 * far[1]
@@ -263,7 +268,7 @@ def histograms_at_truth(mesh: Mesh, truth: Pose, picture: torch.Tensor) -> Colou
     """As the refinement gives them at a pose that it leaves where it is."""
     refined = refine_contour(
         picture,
-        pictures.CAMERA.matrix(),
+        pictures.CAMERA.matrix,
         mesh,
         truth,
         make_renderer(),
@@ -292,9 +297,9 @@ def test_an_object_of_revolution_does_not_spin(brick: Mesh) -> None:
         CAMERA,
         can.outer(Pose(torch.eye(3).double(), turned.translation)),
         policy=policy,
-        contour=False,
+        config=NO_CONTOUR,
     )
-    result = tracker.update(GRAY)[0]
+    result = tracker.update(GRAY)
     assert result.pose is not None
     spin = log_so3(result.pose.rotation)
     assert spin[2].abs() < 1e-2 and spin[0] == pytest.approx(0.02, abs=2e-3)

@@ -9,7 +9,7 @@ import torch
 from moveit6d.evaluation.iteration_timing import PARTS, WARM_UP, time_iteration
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import OraclePolicy
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.rendering.backends import make_renderer
 
 
 def test_every_part_is_timed_once_a_round(scene: Any) -> None:

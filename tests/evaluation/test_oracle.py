@@ -3,10 +3,10 @@
 import pytest
 
 from moveit6d.cli.main import main
+from moveit6d.config import ActionMode
 from moveit6d.evaluation.oracle import oracle_errors
 from moveit6d.geometry.mesh import Mesh
-from moveit6d.policies import ActionMode
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.rendering.backends import make_renderer
 
 
 @pytest.mark.parametrize("mode", list(ActionMode))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d.datasets.video import Frame
+from moveit6d.datasets.video import VideoFrame
 from moveit6d.errors import InputError
 from moveit6d.estimation import StopReason, TrackingResult
 from moveit6d.evaluation.protocols import (
@@ -48,10 +48,10 @@ class Drifter:
             raise InputError("Start pose: outside of the image.")
         self.resets.append(self.x)
 
-    def update(self, image: Any) -> tuple[TrackingResult, ...]:
+    def update(self, image: Any) -> TrackingResult:
         self.updates += 1
         self.x += self.drift
-        return (TrackingResult(at(self.x), 3, StopReason.STOP_ACTION, 0.9, 5.0),)
+        return TrackingResult(at(self.x), 3, StopReason.STOP_ACTION, 0.9, 5.0)
 
 
 class Scripted:
@@ -64,10 +64,10 @@ class Scripted:
     def reset(self, pose: Pose) -> None:
         self.resets += 1
 
-    def update(self, image: Any) -> tuple[TrackingResult, ...]:
+    def update(self, image: Any) -> TrackingResult:
         pose = self.poses.pop(0)
         reason = StopReason.FAILED if pose is None else StopReason.STOP_ACTION
-        return (TrackingResult(pose, 3, reason, 0.9, 5.0, None),)
+        return TrackingResult(pose, 3, reason, 0.9, 5.0, None)
 
 
 def run(
@@ -77,7 +77,7 @@ def run(
     truth: Callable[[int], Pose | None] = lambda k: at(0.0),
 ) -> list[TrackedFrame]:
     """Frames 1 … `frames`, after the start frame 0."""
-    video = [Frame(k, f"{k}.png", IMAGE) for k in range(1, frames + 1)]
+    video = [VideoFrame(k, f"{k}.png", IMAGE) for k in range(1, frames + 1)]
     known = {k: pose for k in range(frames + 1) if (pose := truth(k)) is not None}
     return list(follow_protocol(tracker, video, known, protocol))
 
@@ -171,7 +171,7 @@ def test_frames_that_cannot_be_judged_or_read_are_followed_all_the_same() -> Non
 
     assert resets(run(Failing(1.0), RBOT, 3)) == []
     assert resets(run(Drifter(1.0), RBOT, 3, truth=lambda k: None)) == []
-    frames = [Frame(k, "", None, "broken file") for k in range(1, 10)]
+    frames = [VideoFrame(k, "", None, "broken file") for k in range(1, 10)]
     truth = {k: at(0.0) for k in range(10)}
     steps = list(follow_protocol(Drifter(0), frames, truth, LAVAL))  # type: ignore[arg-type]
     assert [step.error for step in steps[:8]] == ["broken file"] * 8 and steps[8].row.reset

@@ -9,13 +9,13 @@ import pytest
 import torch
 
 from moveit6d.datasets.pose_files import PoseRow
-from moveit6d.datasets.video import Frame
+from moveit6d.datasets.video import VideoFrame
 from moveit6d.estimation import PoseTracker, StopReason, TrackingResult
 from moveit6d.evaluation.metrics import add
 from moveit6d.evaluation.run_tracker import TrackedFrame, TrackSummary, run_tracker
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import OraclePolicy
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.rendering.backends import make_renderer
 
 
 @pytest.fixture
@@ -29,7 +29,9 @@ def tracker(scene: Any) -> PoseTracker:
 
 def test_good_frames_get_poses(scene: Any, tracker: PoseTracker) -> None:
     image = scene.image(0)
-    steps = list(run_tracker(tracker, [Frame(5, "a.png", image), Frame(6, "b.png", image)]))
+    steps = list(
+        run_tracker(tracker, [VideoFrame(5, "a.png", image), VideoFrame(6, "b.png", image)])
+    )
     points = torch.from_numpy(scene.mesh.sample_points(100))
     for step, (frame, name) in zip(steps, [(5, "a.png"), (6, "b.png")], strict=True):
         row = step.row
@@ -56,9 +58,9 @@ def test_good_frames_get_poses(scene: Any, tracker: PoseTracker) -> None:
 def test_a_bad_frame_fails_alone(scene: Any, tracker: PoseTracker, image: Any, words: str) -> None:
     good = scene.image(0)
     frames = [
-        Frame(0, "a", good),
-        Frame(1, "b", image, "b cannot be read." if image is None else None),
-        Frame(2, "c", good),
+        VideoFrame(0, "a", good),
+        VideoFrame(1, "b", image, "b cannot be read." if image is None else None),
+        VideoFrame(2, "c", good),
     ]
     steps = list(run_tracker(tracker, frames))
     assert [step.row.pose is None for step in steps] == [False, True, False]
@@ -68,11 +70,11 @@ def test_a_bad_frame_fails_alone(scene: Any, tracker: PoseTracker, image: Any, w
 
 def test_a_lost_object_has_no_pose_even_if_the_tracker_remembers_one() -> None:
     class Lost:
-        def update(self, image: Any) -> tuple[TrackingResult, ...]:
+        def update(self, image: Any) -> TrackingResult:
             pose = Pose.identity()
-            return (TrackingResult(pose, 3, StopReason.FAILED, 0.9, 5.0, "out of sight"),)
+            return TrackingResult(pose, 3, StopReason.FAILED, 0.9, 5.0, "out of sight")
 
-    frame = Frame(0, "a", np.zeros((2, 2, 3), np.uint8))
+    frame = VideoFrame(0, "a", np.zeros((2, 2, 3), np.uint8))
     (step,) = run_tracker(Lost(), [frame])  # type: ignore[arg-type]
     assert step.row.pose is None and step.error == "out of sight" and not step.confident
 
@@ -83,7 +85,7 @@ def record_of(confidences: list[float | None]) -> TrackSummary:
         pose = None if confidence is None else Pose.identity()
         row = PoseRow(frame, pose=pose, confidence=confidence, milliseconds=float(frame))
         error = "bad image" if confidence is None else None
-        record.add(TrackedFrame(Frame(frame, "", None), row, error))
+        record.add(TrackedFrame(VideoFrame(frame, "", None), row, error))
     return record
 
 
@@ -99,7 +101,7 @@ def test_nothing_tracked_has_no_times() -> None:
     assert TrackSummary().facts()["median_milliseconds"] is None
 
 
-def test_fifteen_doubtful_frames_are_taken_for_lost() -> None:
+def test_fifteen_frames_of_low_confidence_are_taken_for_lost() -> None:
     assert record_of([0.9] * 3 + [0.2] * 14 + [0.9]).lost_from is None
     assert record_of([0.9] * 3 + [0.2] * 7 + [None] * 8).lost_from == 3
     assert record_of([0.9] * 3 + [0.2] * 30).lost_from == 3

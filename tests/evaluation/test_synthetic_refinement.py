@@ -1,16 +1,21 @@
 """Rendered cases: the object is where the truth says, covers cover, the oracle solves them."""
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 
+from moveit6d.config import ActionMode, LoopConfig
 from moveit6d.evaluation.default_camera import CAMERA
-from moveit6d.evaluation.synthetic_refinement import make_cases, run_cases
+from moveit6d.evaluation.synthetic_refinement import LOOP_ONLY, make_cases, run_cases
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.policies import ActionMode, OraclePolicy
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.policies import OraclePolicy
+from moveit6d.rendering.backends import make_renderer
 
 GREY = [np.full((120, 160, 3), 128, np.uint8)]
+
+CONFIG = replace(LOOP_ONLY, loop=LoopConfig(max_iterations=5))
 
 
 def some_cases(brick: Mesh, occluded: float = 0.0) -> list:  # type: ignore[type-arg]
@@ -28,7 +33,7 @@ def test_the_object_is_drawn_at_the_true_pose(brick: Mesh) -> None:
         chroma = image.amax(-1) - image.amin(-1)
         pose = brick.inner(case.truth)
         batch = Pose(pose.rotation[None], pose.translation[None])
-        buffer = make_renderer().render([brick], batch, CAMERA.matrix()[None], 640)
+        buffer = make_renderer().render([brick], batch, CAMERA.matrix[None], 640)
         mask = buffer.mask[0, 0, :480] > 0
         assert chroma[mask].median() > 30 > chroma[~mask].median()
 
@@ -37,7 +42,7 @@ def test_the_start_is_small_counts_away_and_the_oracle_finds_back(brick: Mesh) -
     cases = some_cases(brick)
     truth = Pose.stack([brick.inner(case.truth) for case in cases])
     policy = OraclePolicy(truth, ActionMode.ALL_AXES)
-    outcomes = list(run_cases(cases, policy, make_renderer(), 5))
+    outcomes = list(run_cases(cases, policy, make_renderer(), CONFIG))
     assert all(0.01 < refined.before < 0.8 for refined in outcomes)
     assert all(refined.after < 1e-6 for refined in outcomes)
 

@@ -124,12 +124,12 @@ def test_visible_sides_of_a_cube_seen_head_on(clip: BoxClip) -> None:
 def test_texture_from_the_first_frame_looks_like_the_frame(clip: BoxClip) -> None:
     from track_visp_cube import textured_box
 
-    from moveit6d.rendering.renderer import make_renderer
+    from moveit6d.rendering.backends import make_renderer
 
     mesh = textured_box(clip.corners, clip.sides, CAMERA, clip.truth[0], clip.frames[0])
     inner = mesh.inner(clip.truth[0])
     batch = Pose(inner.rotation[None], inner.translation[None])
-    seen = make_renderer("embree").render([mesh], batch, CAMERA.matrix()[None], 640)
+    seen = make_renderer("embree").render([mesh], batch, CAMERA.matrix[None], 640)
     mask = seen.mask[0, 0, :480].numpy() > 0.5
     picture = 255 * seen.albedo[0, 0, :480].numpy()
     both = np.corrcoef(picture[mask], clip.frames[0][mask])[0, 1]
@@ -168,11 +168,10 @@ def test_your_video_example_runs(
 ) -> None:
     import track_my_video
 
-    from moveit6d.datasets.pose_files import read_pose
     from moveit6d.policies import OraclePolicy
 
     folder = write_sequence(tmp_path / "clip", mesh=brick, seed=1, frames=2, difficulty="easy")
-    start = read_pose(folder / "start.json")
+    start = Pose.load(folder / "start.json")
     oracle = OraclePolicy(Pose.stack([brick.inner(start)]))
     monkeypatch.setattr("moveit6d.estimation.tracker.load_policy", lambda: oracle)
     files = [folder / name for name in ("mesh.glb", "frames", "camera.json", "start.json")]
@@ -279,7 +278,7 @@ def test_own_renderer_agrees_with_embree(
 ) -> None:
     import my_own_renderer
 
-    from moveit6d.rendering.renderer import make_renderer
+    from moveit6d.rendering.backends import make_renderer
 
     turn = exp_so3(torch.tensor([0.5, 0.6, 0.1], dtype=torch.float64))
     pose = Pose(turn, torch.tensor([0.0, 0.0, 0.5], dtype=torch.float64))

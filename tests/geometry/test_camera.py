@@ -4,9 +4,11 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from moveit6d.errors import InputError
-from moveit6d.geometry.camera import Camera
+from moveit6d.geometry.camera import Camera, project
 
 CAMERA = Camera(572.4, 573.6, 325.3, 242.0, 640, 480)
 
@@ -19,7 +21,7 @@ def points(count: int = 50) -> torch.Tensor:
 
 def test_projection_agrees_with_opencv() -> None:
     expected, _ = cv2.projectPoints(
-        points().numpy(), np.zeros(3), np.zeros(3), CAMERA.matrix().numpy(), np.zeros(5)
+        points().numpy(), np.zeros(3), np.zeros(3), CAMERA.matrix.numpy(), np.zeros(5)
     )
     assert np.abs(CAMERA.project(points()).numpy() - expected[:, 0]).max() < 1e-9
 
@@ -55,7 +57,7 @@ def test_undistortion_agrees_with_opencv() -> None:
     camera = Camera(400, 410, 160, 118, 320, 240, lens)
     random = np.random.default_rng(0)
     image = cv2.GaussianBlur(random.integers(0, 255, (240, 320, 3), dtype=np.uint8), (0, 0), 3)
-    expected = cv2.undistort(image, camera.matrix().numpy(), np.array(lens))
+    expected = cv2.undistort(image, camera.matrix.numpy(), np.array(lens))
     undone, pinhole = camera.undistort(torch.from_numpy(image).permute(2, 0, 1))
     assert pinhole.distortion is None
     difference = undone.permute(1, 2, 0).numpy().astype(int) - expected
@@ -73,3 +75,27 @@ def test_without_distortion_the_image_is_untouched() -> None:
 def test_impossible_cameras_are_refused(values: tuple[float, ...]) -> None:
     with pytest.raises(InputError, match="Camera"):
         Camera(*values)  # type: ignore[arg-type]
+
+
+@settings(deadline=None)
+@given(st.integers(0, 10_000))
+def test_projection_is_kornias_and_its_fast_twin_agrees(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    points = torch.from_numpy(random.uniform([-1, -1, 0.1], [1, 1, 5], (2, 7, 3)))
+    pixels = CAMERA.project(points)
+    torch.testing.assert_close(pixels, project(points, CAMERA.matrix), rtol=1e-12, atol=1e-9)
+    torch.testing.assert_close(CAMERA.unproject(pixels, points[..., 2]), points)
+    assert torch.equal(CAMERA.project(points[0, 0]), pixels[0, 0])
+    expected, _ = cv2.projectPoints(
+        points.reshape(-1, 3).numpy(), np.zeros(3), np.zeros(3), CAMERA.matrix.numpy(), None
+    )
+    np.testing.assert_allclose(pixels.reshape(-1, 2).numpy(), expected[:, 0], atol=1e-6)
+
+
+def test_a_point_on_the_camera_s_plane_has_no_pixel() -> None:
+    assert CAMERA.project(torch.tensor([[0.1, 0.0, 0.0]])).isnan().all()
+
+
+def test_gradients_flow_through_projection() -> None:
+    points = torch.tensor([[0.1, -0.2, 0.7]], dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(CAMERA.project, points)

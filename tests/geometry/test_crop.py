@@ -40,7 +40,7 @@ def test_the_object_stands_straight_ahead() -> None:
     seen = view.to_virtual(pose)
     assert seen.translation[:, :2].abs().max() < 1e-12
     assert torch.allclose(seen.translation[:, 2], pose.translation.norm(dim=-1))
-    assert torch.allclose(view.to_real(seen).matrix(), pose.matrix(), atol=1e-12)
+    assert torch.allclose(view.to_real(seen).matrix, pose.matrix, atol=1e-12)
 
 
 def test_axis_parallel_views_are_cut_out_with_the_object_in_the_middle() -> None:
@@ -53,7 +53,7 @@ def test_axis_parallel_views_are_cut_out_with_the_object_in_the_middle() -> None
     beside = pose.translation + torch.tensor([0.0, 1.0, 0.0]).double() * DIAMETER / 2
     edge = project(beside[:, None], view.intrinsics)[:, 0]
     assert torch.allclose(edge - middle, torch.tensor([0.0, OBJECT_SIZE / 2]).double())
-    homography = crop_homography(view, CAMERA.matrix().double())
+    homography = crop_homography(view, CAMERA.matrix.double())
     # With square pixels it is a square: nothing but one scale and a shift.
     assert torch.allclose(homography[:, 2], torch.tensor([0.0, 0.0, 1.0]).double())
     assert homography[:, [0, 1], [1, 0]].abs().max() < 1e-12
@@ -70,7 +70,7 @@ def test_both_kinds_of_crop_are_the_same_in_the_middle_of_the_image() -> None:
 @pytest.mark.parametrize("crop", CROPS)
 def test_patches_go_back_to_the_image(crop: Crop) -> None:
     view = view_of(some_poses(20), DIAMETER.expand(20), crop)
-    matrix = CAMERA.matrix().double()
+    matrix = CAMERA.matrix.double()
     both = crop_homography(view, matrix) @ patch_to_image(view, matrix)
     torch.testing.assert_close(both / both[:, 2:, 2:], torch.eye(3).double().expand(20, 3, 3))
 
@@ -99,7 +99,7 @@ def test_the_homography_sends_projections_to_projections() -> None:
     view = look_at(pose, DIAMETER.expand(20))
     points = torch.randn(20, 30, 3, dtype=torch.float64) * 0.05 + pose.translation[:, None]
     image = CAMERA.project(points)
-    homography = crop_homography(view, CAMERA.matrix())
+    homography = crop_homography(view, CAMERA.matrix)
     mapped = torch.nn.functional.pad(image, (0, 1), value=1.0) @ homography.mT
     expected = project(points @ view.rotation.mT, view.intrinsics)
     assert torch.allclose(mapped[..., :2] / mapped[..., 2:], expected, atol=1e-8)
@@ -107,7 +107,7 @@ def test_the_homography_sends_projections_to_projections() -> None:
 
 def test_the_way_back_is_the_inverse() -> None:
     view = look_at(some_poses(20), DIAMETER.expand(20))
-    product = crop_homography(view, CAMERA.matrix()) @ patch_to_image(view, CAMERA.matrix())
+    product = crop_homography(view, CAMERA.matrix) @ patch_to_image(view, CAMERA.matrix)
     torch.testing.assert_close(product, torch.eye(3).double().expand(20, 3, 3))
 
 
@@ -117,7 +117,7 @@ def test_patches_agree_with_opencv() -> None:
     image = cv2.GaussianBlur(random.random((480, 640, 3)).astype(np.float32), (0, 0), 4)
     pose = some_poses(4)
     view = look_at(pose, DIAMETER.expand(4))
-    matrix = CAMERA.matrix().expand(4, 3, 3)
+    matrix = CAMERA.matrix.expand(4, 3, 3)
     tensor = torch.from_numpy(image).permute(2, 0, 1).expand(4, 3, 480, 640)
     patches = crop_patches(tensor, view, matrix)
     for patch, homography in zip(patches, crop_homography(view, matrix), strict=True):
@@ -139,7 +139,7 @@ def test_one_patch_is_where_it_should_be_at_every_scale(depth: float) -> None:
     width = 3 * max(1.0, 1200 / float(view.intrinsics[0, 0]))
     image = np.exp(-((x - u) ** 2 + (y - v) ** 2) / (2 * width**2))
     pixels = torch.from_numpy((image * 255).astype(np.uint8)).expand(3, 960, 1280)
-    patch = crop_patch(pixels, view, camera.matrix())[0].double().numpy()
+    patch = crop_patch(pixels, view, camera.matrix)[0].double().numpy()
     x, y = np.meshgrid(np.arange(PATCH_SIZE), np.arange(PATCH_SIZE))
     found = [(patch * x).sum() / patch.sum(), (patch * y).sum() / patch.sum()]
     expected = project((view.rotation @ point)[None], view.intrinsics)[0].tolist()
@@ -150,7 +150,7 @@ def test_one_patch_is_where_it_should_be_at_every_scale(depth: float) -> None:
 def test_outside_of_the_image_is_black() -> None:
     image = torch.full((3, 480, 640), 255, dtype=torch.uint8)
     pose = Pose(torch.eye(3).double(), torch.tensor([0.5, 0.0, 1.0]).double())
-    patch = crop_patch(image, look_at(pose, DIAMETER), CAMERA.matrix())
+    patch = crop_patch(image, look_at(pose, DIAMETER), CAMERA.matrix)
     assert patch[:, 64, 10].min() > 0.9 and patch[:, 64, -10].max() == 0
 
 
@@ -160,7 +160,7 @@ def test_gradients_reach_the_image_and_the_pose() -> None:
     place = torch.tensor([[0.02, 0.01, 1.0]], dtype=torch.float64, requires_grad=True)
     pose = Pose(torch.eye(3).double()[None], place)
     view = look_at(pose, DIAMETER[None])
-    matrix = Camera(60, 60, 31.5, 23.5, 64, 48).matrix()[None]
+    matrix = Camera(60, 60, 31.5, 23.5, 64, 48).matrix[None]
     crop_patches(image, view, matrix).square().sum().backward()
     assert image.grad is not None and image.grad.abs().max() > 0
     assert place.grad is not None and place.grad.abs().min() > 0
@@ -171,4 +171,4 @@ def test_views_turn_back_and_forth() -> None:
     view = look_at(pose, DIAMETER.expand(5))
     assert isinstance(view, View)
     back = view.to_virtual(view.to_real(pose))
-    assert torch.allclose(back.matrix(), pose.matrix(), atol=1e-12)
+    assert torch.allclose(back.matrix, pose.matrix, atol=1e-12)

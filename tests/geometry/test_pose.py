@@ -1,10 +1,15 @@
 """Poses: group laws as properties, and refusal of numbers that are no pose."""
 
+from pathlib import Path
+from typing import Any, Literal
+
+import cv2
 import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from moveit6d.errors import InputError
 from moveit6d.geometry.pose import Pose
@@ -21,21 +26,21 @@ poses = st.builds(
 
 
 def close(a: Pose, b: Pose, tolerance: float = 1e-9) -> bool:
-    return bool((a.matrix() - b.matrix()).abs().max() < tolerance)
+    return bool((a.matrix - b.matrix).abs().max() < tolerance)
 
 
 @given(poses, poses, poses)
 @settings(max_examples=50, deadline=None)
 def test_composition_is_associative_and_is_the_matrix_product(a: Pose, b: Pose, c: Pose) -> None:
     assert close((a @ b) @ c, a @ (b @ c))
-    assert torch.allclose((a @ b).matrix(), a.matrix() @ b.matrix(), atol=1e-9)
+    assert torch.allclose((a @ b).matrix, a.matrix @ b.matrix, atol=1e-9)
 
 
 @given(poses)
 @settings(max_examples=50, deadline=None)
 def test_inverse_undoes(pose: Pose) -> None:
     assert close(pose @ pose.inverse(), Pose.identity())
-    assert close(Pose.from_matrix(pose.matrix()), pose, 1e-15)
+    assert close(Pose.from_matrix(pose.matrix), pose, 1e-15)
 
 
 def test_transform_maps_object_to_camera() -> None:
@@ -90,3 +95,53 @@ def test_flat_rotations_are_row_major() -> None:
 def test_shapes_must_agree() -> None:
     with pytest.raises(InputError, match="must be"):
         Pose(torch.eye(3), torch.zeros(2, 3))
+
+
+@pytest.mark.parametrize("order", ["xyzw", "wxyz"])
+def test_quaternions_are_scipys(order: Literal["xyzw", "wxyz"]) -> None:
+    turn = Rotation.random(5, random_state=0)
+    quaternion = turn.as_quat(canonical=True, scalar_first=order == "wxyz")
+    pose = Pose.from_quaternion(quaternion.astype(np.float32), np.zeros((5, 3)), order=order)
+    np.testing.assert_allclose(pose.rotation.numpy(), turn.as_matrix(), atol=1e-6)
+    np.testing.assert_allclose(pose.quaternion(order).numpy(), quaternion, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("quaternion", "order", "message"),
+    [
+        ([0, 0, 0, 2], "xyzw", "length 1"),
+        ([0, 0, 1], "xyzw", "4 finite numbers"),
+        ([0, 0, float("nan"), 1], "xyzw", "finite"),
+        ([0, 0, 0, 1], "wzyx", "order is 'wzyx'"),
+    ],
+)
+def test_what_is_no_quaternion_is_refused(
+    quaternion: list[float], order: Any, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        Pose.from_quaternion(quaternion, [0, 0, 1], order=order)
+
+
+def test_vectors_are_those_of_opencv() -> None:
+    rvec, tvec = np.array([[0.3], [-0.5], [2.0]], np.float32), np.array([[0.1], [0.2], [0.7]])
+    pose = Pose.from_rvec(rvec, tvec)
+    np.testing.assert_allclose(pose.rotation.numpy(), cv2.Rodrigues(rvec)[0], atol=1e-6)
+    assert pose.translation.tolist() == [0.1, 0.2, 0.7] and pose.batch_shape == ()
+    with pytest.raises(InputError, match="rvec must be 3"):
+        Pose.from_rvec([1.0, 2.0], tvec)
+
+
+def test_a_pose_reads_well() -> None:
+    pose = Pose.from_rvec([0, 0, np.pi / 2], [0.1, -0.02, 0.6])
+    text = "Pose(translation=[0.1000, -0.0200, 0.6000] m, rotation=[0.00, 0.00, 90.00] deg)"
+    assert repr(pose) == text
+    assert repr(Pose.identity(2, 3)) == "Pose(batch of (2, 3), torch.float64)"
+
+
+def test_a_saved_pose_comes_back_exactly(tmp_path: Path) -> None:
+    pose = Pose.from_rvec([0.3, -0.5, 2.0], [0.1, 0.2, 0.7])
+    pose.save(tmp_path / "pose.json")
+    back = Pose.load(str(tmp_path / "pose.json"))
+    assert torch.allclose(back.matrix, pose.matrix, atol=1e-15, rtol=0)
+    with pytest.raises(InputError, match="holds one pose"):
+        Pose.identity(2).save(tmp_path / "two.json")

@@ -104,7 +104,7 @@ def test_symmetric_shapes_are_as_many_as_wanted(source: PairSource) -> None:
     assert all(not some.shape(random, []).symmetries.is_trivial for _ in range(4))
 
 
-def test_bare_copies_of_the_meshes_are_as_many_as_wanted(source: PairSource) -> None:
+def test_untextured_copies_of_the_meshes_are_as_many_as_wanted(source: PairSource) -> None:
     some = dataclasses.replace(source, untextured=0.5)
     random = np.random.default_rng(0)
     mesh = some.shape(random, [])

@@ -28,7 +28,7 @@ def _chain() -> nn.Sequential:
 
 
 @pytest.mark.parametrize("can_pack", [True, False])
-def test_a_narrow_chain_answers_within_its_digits(
+def test_a_bfloat16_chain_answers_within_its_digits(
     can_pack: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if can_pack and not bfloat16._can_pack():

@@ -1,12 +1,17 @@
 """The network of the loop answers as the trained one does, whatever the batch."""
 
+import gc
+import os
+from pathlib import Path
+
 import pytest
 import torch
 
+from moveit6d.errors import InputError
 from moveit6d.networks import inference
 from moveit6d.networks.action_net import ActionNet
 from moveit6d.networks.correlation import CorrelationNet
-from moveit6d.networks.inference import TRACED, InferenceNetwork
+from moveit6d.networks.inference import TRACED, Compute, InferenceNetwork
 from moveit6d.networks.weights_file import load_network
 from moveit6d.policies import SHIPPED_WEIGHTS
 from tests.support.observations import an_observation
@@ -69,3 +74,41 @@ def test_capabilities_that_torch_does_not_list_are_not_there(
     assert not inference.is_bfloat16_fast()
     monkeypatch.delattr(torch.cpu, "get_capabilities")  # as in older versions of torch
     assert not inference.is_bfloat16_fast()
+
+
+def test_a_device_that_is_not_there_is_said() -> None:
+    with pytest.raises(InputError, match=r"cannot run on device 'xpu'.*choose 'cpu'"):
+        InferenceNetwork(CorrelationNet(), device="xpu")
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
+@pytest.mark.parametrize("compute", ["float32", "bfloat16"])
+def test_a_gpu_answers_as_the_cpu_does(compute: Compute) -> None:
+    torch.manual_seed(0)
+    network = CorrelationNet().eval()
+    for size in (1, 8):
+        observation = an_observation(size)
+        here = InferenceNetwork(network, compute)(observation)
+        there = InferenceNetwork(network, compute, "cuda")(observation)
+        assert there.delta is not None and here.delta is not None
+        assert there.delta.device.type == "cpu"
+        assert (there.delta - here.delta).abs().max() < (0.02 if compute == "float32" else 0.5)
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads Linux's /proc")
+def test_networks_that_are_dropped_leave_no_memory() -> None:
+    """Each trace of torch.jit's would stay for as long as the process lives: 15 MB."""
+    network = load_network(SHIPPED_WEIGHTS).network
+    seen = an_observation(1)
+
+    def megabytes() -> float:
+        gc.collect()
+        return (
+            int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE") / 1e6
+        )
+
+    for number in range(14):
+        InferenceNetwork(network, compute="float32")(seen)
+        if number == 3:
+            before = megabytes()
+    assert megabytes() - before < 40

@@ -78,7 +78,7 @@ def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
         load_network(tmp_path / "nan.safetensors")
 
 
-def test_a_deeper_network_begins_with_the_answers_of_a_shallower_one(tmp_path: Path) -> None:
+def test_extra_blocks_begin_with_the_answers_of_the_shallower_network(tmp_path: Path) -> None:
     torch.manual_seed(0)
     shallow = CorrelationNet()
     for _ in range(3):  # running statistics that are not trivial

@@ -12,7 +12,7 @@ from moveit6d.errors import InputError, RenderingUnavailable
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.rendering import attributes, embree
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.rendering.backends import make_renderer
 from tests.support import meshes
 
 RENDERER = make_renderer("embree")

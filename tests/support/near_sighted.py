@@ -7,12 +7,13 @@ import dataclasses
 import torch
 
 from moveit6d.actions import pose_delta
-from moveit6d.estimation.track_state import HIGH_CONFIDENCE
+from moveit6d.config import ActionMode
 from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.pose import Pose
 from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import ActionMode, LoopState
+from moveit6d.policies import LoopState
+from tests.support.configs import HIGH_CONFIDENCE
 
 
 @dataclasses.dataclass

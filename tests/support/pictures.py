@@ -19,7 +19,7 @@ FINER = 3  # rays a pixel and axis
 def picture(mesh: Mesh, pose: Pose, background: NDArray[np.uint8] | None = None) -> Tensor:
     """The mesh at a centred pose (3, 256, 256), uint8, before a mottled grey-green background."""
     size = CAMERA.width * FINER
-    intrinsics = CAMERA.resize(size, size).matrix()
+    intrinsics = CAMERA.resize(size, size).matrix
     buffer = make_renderer().render(
         [mesh], Pose(pose.rotation[None], pose.translation[None]), intrinsics[None], size
     )

@@ -8,11 +8,11 @@ import pytest
 import torch
 
 from moveit6d.actions import PoseAction
-from moveit6d.estimation.frame import Frame
+from moveit6d.frame import Frame
 from moveit6d.geometry.crop import look_at
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.rendering.backends import make_renderer
 from tests.support import pictures
 
 TOOLS = Path(__file__).parents[2] / "tools"

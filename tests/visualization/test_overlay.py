@@ -12,7 +12,8 @@ import torch
 
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.rendering.renderer import Renderer, make_renderer
+from moveit6d.rendering.backends import make_renderer
+from moveit6d.rendering.renderer import Renderer
 from moveit6d.visualization.overlay import GREEN, RED, blank, draw_pose, draw_text, outlines
 
 
@@ -27,7 +28,7 @@ def hull_of_projected_vertices(mesh: Mesh, pose: Pose, camera: Any) -> np.ndarra
     points = mesh.inner(pose).transform(torch.from_numpy(mesh.vertices).double()).numpy()
     lens = np.array(camera.distortion or [0.0] * 5)
     zero = np.zeros(3)
-    pixels, _ = cv2.projectPoints(points, zero, zero, camera.matrix().numpy(), lens)
+    pixels, _ = cv2.projectPoints(points, zero, zero, camera.matrix.numpy(), lens)
     return np.asarray(cv2.convexHull(pixels[:, 0].astype(np.float32)))
 
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from moveit6d.datasets.pose_files import PoseRow
-from moveit6d.datasets.video import Frame
+from moveit6d.datasets.video import VideoFrame
 from moveit6d.errors import InputError
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.rendering.backends import make_renderer
 from moveit6d.visualization.report import Run, index_page, report_page, write_report
 from tests.support.browser import open_page
 
@@ -37,7 +37,7 @@ class Film:
 
     def __iter__(self) -> Any:
         for index, image in enumerate(self.images):
-            yield Frame(index, f"{index}.png", None if index == 5 else image)
+            yield VideoFrame(index, f"{index}.png", None if index == 5 else image)
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +147,7 @@ def test_a_long_run_stays_a_small_page(run: Run, scene: Any) -> None:
 
         def __iter__(self) -> Any:
             for index in range(3000):
-                yield Frame(index, "", np.zeros((120, 160, 3), np.uint8))
+                yield VideoFrame(index, "", np.zeros((120, 160, 3), np.uint8))
 
     row = run.rows[1]
     long = replace(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from moveit6d.datasets.pose_files import PoseRow
-from moveit6d.datasets.video import Frame
+from moveit6d.datasets.video import VideoFrame
 from moveit6d.errors import InputError
 from moveit6d.visualization.rerun_log import RerunLog
 
@@ -49,7 +49,7 @@ def test_everything_of_a_run_is_in_the_file(scene: Any, tmp_path: Path) -> None:
             row = PoseRow(
                 number, pose=pose, iterations=4, confidence=0.25 * number, reset=number == 3
             )
-            log.write(Frame(number, "", image), row, "damaged" if number == 1 else None)
+            log.write(VideoFrame(number, "", image), row, "damaged" if number == 1 else None)
         assert not path.exists(), "the file appears when it is whole"
     assert [file.name for file in path.parent.iterdir()] == ["run.rrd"]
     found = read_back(path)
@@ -71,7 +71,7 @@ def test_everything_of_a_run_is_in_the_file(scene: Any, tmp_path: Path) -> None:
     pictures = found["/camera/image"]["EncodedImage:blob"]
     assert sorted(pictures) == [0, 2, 3]
     lens = np.reshape(found["/camera/image"]["Pinhole:image_from_camera"][None][0], (3, 3)).T
-    np.testing.assert_allclose(lens, scene.camera.matrix(), rtol=1e-6)
+    np.testing.assert_allclose(lens, scene.camera.matrix, rtol=1e-6)
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -79,7 +79,7 @@ def test_ctrl_c_leaves_a_whole_file(scene: Any, tmp_path: Path) -> None:
     pytest.importorskip("rerun")
     path = tmp_path / "run.rrd"
     with pytest.raises(KeyboardInterrupt), RerunLog(path, scene.mesh, scene.camera) as log:
-        log.write(Frame(0, "", None), PoseRow(0, pose=scene.pose(0), iterations=2))
+        log.write(VideoFrame(0, "", None), PoseRow(0, pose=scene.pose(0), iterations=2))
         raise KeyboardInterrupt
     assert read_back(path)["/curves/steps"]["Scalars:scalars"] == {0: [2.0]}
     with pytest.raises(InputError, match="cannot be written"):

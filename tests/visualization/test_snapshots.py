@@ -14,9 +14,9 @@ import torch
 from PIL import Image as Pillow
 
 from moveit6d.datasets.pose_files import PoseRow
-from moveit6d.datasets.video import Frame, ImageFolder, Prefetched, read_image
+from moveit6d.datasets.video import ImageFolder, Prefetched, VideoFrame, read_image
 from moveit6d.geometry.pose import Pose
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.rendering.backends import make_renderer
 from moveit6d.visualization import snapshots
 from moveit6d.visualization.overlay import GREEN
 from moveit6d.visualization.snapshots import WHITE, Look, as_data, draw, evenly, fetch, near, worst
@@ -73,7 +73,7 @@ def test_of_a_video_nothing_is_decoded_after_the_last_wanted_frame() -> None:
         def __iter__(self) -> Any:
             for index in range(100):
                 self.given += 1
-                yield Frame(index, str(index), None)
+                yield VideoFrame(index, str(index), None)
 
     video = Video()
     assert [frame.index for frame in fetch(video, {2, 5})] == [2, 5]

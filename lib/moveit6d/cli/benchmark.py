@@ -12,15 +12,15 @@ from typing import Any
 from ..synthesis.training.clusters import CLUSTERS
 from . import benchmark_tracking
 from .common import (
-    add_beyond_paper_options,
     add_machine_options,
     add_tracking_options,
     add_verb,
     positive,
-    progress,
     set_up,
     use_threads,
 )
+from .messages import progress
+from .settings import settings_of
 
 DESCRIPTION = """\
   moveit6d benchmark tracking   tracks whole sequences, beside rivals' results
@@ -93,7 +93,6 @@ def add_parser(verbs: Any) -> None:
     three.add_argument("--number", type=positive, default=200, metavar="N", help="cases")
     three.add_argument("--seed", type=int, default=0, metavar="N", help="of the cases")
     add_tracking_options(three)
-    add_beyond_paper_options(three)
     three.set_defaults(run=refinement)
     four = add_verb(kinds, "oracle", "prove the loop", ORACLE, ORACLE_EXAMPLES)
     four.add_argument("--starts", type=positive, default=100, metavar="N", help="loops a mode")
@@ -122,7 +121,7 @@ def iteration(args: argparse.Namespace) -> int:
     mesh = demo_object() if args.mesh is None else Mesh.load(args.mesh, args.mesh_unit)
     policy, renderer = set_up(args)
     count = args.repeats + WARM_UP
-    rounds = progress(range(count), count, "cycle", "cycle")
+    rounds = progress(range(count), count, "iteration", "iteration")
     times = time_iteration(mesh, policy, renderer, rounds)
     rows = [[part, f"{value:.2f}"] for part, value in times.parts.items()]
     rows += [["sum", f"{times.total:.2f}"], ["whole iteration", f"{times.whole:.2f}"]]
@@ -162,10 +161,7 @@ def refinement(args: argparse.Namespace) -> int:
             seed=args.seed,
         )
     )
-    runs = run_cases(
-        cases, policy, renderer, args.max_iterations,
-        multi_start=not args.no_multi_start, contour=not args.no_contour,
-    )  # fmt: skip
+    runs = run_cases(cases, policy, renderer, settings_of(args))
     found = list(progress(runs, len(cases), "refine", "case"))
     rows = []
     for name, errors in (
@@ -191,10 +187,10 @@ def oracle(args: argparse.Namespace) -> int:
     """Run the loop with the oracle."""
     import numpy as np
 
+    from ..config import ActionMode
     from ..evaluation.oracle import oracle_errors
     from ..evaluation.tables import plain
-    from ..policies import ActionMode
-    from ..rendering.renderer import make_renderer
+    from ..rendering.backends import make_renderer
     from ..synthesis.objects.shapes import random_object
 
     use_threads(args.threads)

@@ -6,25 +6,26 @@ Never shows the tracker a true pose but the start and what the protocol of reset
 from __future__ import annotations
 
 import argparse
+import hashlib
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..extras import require
 from .common import (
     DATASET_FORMATS,
     Setting,
-    add_beyond_paper_options,
     add_jobs_options,
     add_tracking_options,
     add_verb,
     new_folder,
-    note,
-    progress,
     set_up,
     versions,
     weights_facts,
 )
+from .messages import note, progress
 
 if TYPE_CHECKING:
     from ..datasets.sequences import Sequence
@@ -97,12 +98,6 @@ def add_kind(kinds: Any) -> None:
     files.add_argument("--resume", action="store_true", help="go on with what --output holds")
     add_jobs_options(parser)
     add_tracking_options(parser)
-    add_beyond_paper_options(parser)
-    parser.add_argument(
-        "--no_calibration",
-        action="store_true",
-        help="no calibration from the first frame, whose pose is given",
-    )
     parser.set_defaults(run=run)
 
 
@@ -111,6 +106,8 @@ def run(args: argparse.Namespace) -> int:
     for option in ("overlays", "resume"):
         if getattr(args, option) and args.output is None:
             raise InputError(f"--{option} needs --output.")
+    if args.report is not None:
+        require("report", "--report")
     sequences = chosen(args)
     trackers = rivals(args.rivals, sequences)
     policy, renderer = set_up(args)
@@ -304,15 +301,12 @@ class Bench:
         return {
             **weights_facts(self.args.weights),
             "renderer": job.setting.renderer,
-            "max_iterations": job.setting.max_iterations,
-            "multi_start": job.setting.multi_start,
-            "contour": job.setting.contour,
-            "single_actions": job.setting.single_actions,
-            "calibration": job.setting.calibration,
+            "config": json.loads(json.dumps(job.setting.config.as_dict())),
             "compute": job.setting.compute,
             "protocol": job.protocol.name,
             "first": job.sequence.first,
-            "start": [round(n, 9) for n in job.sequence.start.translation.tolist()],
+            "start": [round(n, 9) for n in job.sequence.start.matrix.flatten().tolist()],
+            "mesh": _sha256(job.sequence.mesh),
         }
 
     def _file(self, job: SequenceJob, suffix: str) -> Path | None:
@@ -346,3 +340,8 @@ class Bench:
         verdict = f"{len(ours)} sequences of {facts['data']}, protocol {facts['protocol']}"
         with replacing(self.args.report / "index.html") as temporary:
             temporary.write_text(index_page(self.args.name, verdict, text, table), "utf-8")
+
+
+def _sha256(path: Path) -> str | None:
+    """Of a file, None without one."""
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None

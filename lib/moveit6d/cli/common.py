@@ -1,4 +1,4 @@
-"""What verbs share: exit codes, options, progress bars, facts for reports.
+"""What verbs share: exit codes, options, facts for reports.
 
 Never knows a single verb.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import platform
-import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,7 +15,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from .. import __version__
+from ..config import TrackerConfig
 from ..errors import InputError
+from .messages import add_message_options, note
+from .settings import DEFAULT, PREFIX, add_settings, settings_of
+from .watching import watching
 
 if TYPE_CHECKING:
     from ..evaluation.run_tracker import TrackedFrame
@@ -26,7 +29,7 @@ if TYPE_CHECKING:
 
 DATASET_FORMATS = ("folders", "bop", "ycbv", "laval", "rbot")
 
-BAD_INPUT, NO_RENDERING, INTERRUPTED = 2, 3, 130
+BAD_INPUT, NO_RENDERING, INTERRUPTED, BROKEN_PIPE = 2, 3, 130, 141
 
 EXIT_CODES = """
 exit codes:
@@ -35,6 +38,7 @@ exit codes:
   2    something given cannot be used; one sentence on stderr says what, where, what to do
   3    rendering is not possible on this machine; the message names what to install
   130  stopped by Ctrl-C; what was done until then is kept
+  141  who read the output stopped reading (as in `moveit6d … | head`)
 """
 
 Item = TypeVar("Item")
@@ -63,41 +67,18 @@ def add_verb(
         epilog=epilog + EXIT_CODES,
         formatter_class=ManualFormatter,
     )
+    add_message_options(parser)
     return parser
 
 
-def add_tracking_options(parser: argparse.ArgumentParser) -> None:
-    """The options of whatever runs the loop."""
+def add_tracking_options(parser: argparse.ArgumentParser, base: TrackerConfig = DEFAULT) -> None:
+    """The options of whatever runs the loop; `base` are the settings without any option."""
     group = parser.add_argument_group("tracking")
     group.add_argument(
         "--weights", type=Path, metavar="FILE", help="weights file instead of the shipped one"
     )
-    group.add_argument(
-        "--max_iterations",
-        type=positive,
-        metavar="N",
-        help="iterations per frame at most (default: 8, with single actions 30)",
-    )
-    group.add_argument(
-        "--single_actions",
-        action="store_true",
-        help="one of the 13 actions per iteration, as in the paper, instead of all axes at once",
-    )
     add_machine_options(group)
-
-
-def add_beyond_paper_options(parser: argparse.ArgumentParser) -> None:
-    """Of whatever refines poses: what goes past the paper's loop and can be left out."""
-    parser.add_argument(
-        "--no_multi_start",
-        action="store_true",
-        help="no other starts while the confidence is low (multi-start refinement)",
-    )
-    parser.add_argument(
-        "--no_contour",
-        action="store_true",
-        help="no region-based refinement of the network's poses",
-    )
+    add_settings(parser, base)
 
 
 def add_machine_options(group: Any) -> None:
@@ -155,91 +136,46 @@ class Setting:
     weights: Path | None
     renderer: str
     threads: int
-    max_iterations: int | None
-    contour: bool = True
-    single_actions: bool = False
-    calibration: bool = True
-    multi_start: bool = True
     compute: Compute = "auto"
+    config: TrackerConfig = DEFAULT
 
     @staticmethod
-    def of(args: argparse.Namespace) -> Setting:
+    def of(args: argparse.Namespace, base: TrackerConfig = DEFAULT) -> Setting:
         """By the options of `add_tracking_options`; a weights file is found from anywhere."""
         weights = None if args.weights is None else args.weights.resolve()
-        contour = not getattr(args, "no_contour", False)
-        single = getattr(args, "single_actions", False)
-        calibration = not getattr(args, "no_calibration", False)
-        multi_start = not getattr(args, "no_multi_start", False)
-        return Setting(
-            weights,
-            args.renderer,
-            args.threads,
-            args.max_iterations,
-            contour,
-            single,
-            calibration,
-            multi_start,
-            _compute(args),
-        )
+        compute: Compute = "float32" if args.float32 else "auto"
+        config = settings_of(args, base)
+        return Setting(weights, args.renderer, args.threads, compute, config)
 
 
 @lru_cache(maxsize=1)
 def tools(setting: Setting) -> tuple[Policy, Renderer]:
     """Policy and renderer of a worker process, made once."""
-    return _make_tools(
-        setting.weights, setting.renderer, setting.threads, setting.single_actions, setting.compute
-    )
+    return make_tools(setting)
+
+
+def make_tools(setting: Setting) -> tuple[Policy, Renderer]:
+    """Policy and renderer by a setting."""
+    from ..policies import load_policy
+    from ..rendering.backends import make_renderer
+
+    use_threads(setting.threads)
+    policy = load_policy(setting.weights, compute=setting.compute)
+    return policy, make_renderer(setting.renderer)
 
 
 def set_up(args: argparse.Namespace) -> tuple[Policy, Renderer]:
     """Policy and renderer by the options of `add_tracking_options`."""
-    single = getattr(args, "single_actions", False)
-    return _make_tools(args.weights, args.renderer, args.threads, single, _compute(args))
-
-
-def _compute(args: argparse.Namespace) -> Compute:
-    return "float32" if args.float32 else "auto"
-
-
-def _make_tools(
-    weights: Path | None, renderer: str, threads: int, single_actions: bool, compute: Compute
-) -> tuple[Policy, Renderer]:
-    from ..policies import ActionMode, load_policy
-    from ..rendering.renderer import make_renderer
-
-    use_threads(threads)
-    mode = ActionMode.SINGLE if single_actions else None
-    return load_policy(weights, mode, compute), make_renderer(renderer)
-
-
-def progress(
-    items: Iterable[Item], total: int | None, what: str, unit: str = "frame"
-) -> Iterator[Item]:
-    """The items, with a bar and the time left on stderr while it is a terminal."""
-    with progress_bar(total, what, unit) as bar:
-        for item in items:
-            yield item
-            bar.update()
-
-
-def progress_bar(total: int | None, what: str, unit: str = "frame") -> Any:
-    """A bar on stderr with the time left, to be moved on by `update()`; none but on a terminal."""
-    from tqdm import tqdm
-
-    return tqdm(total=total, desc=what, unit=unit, file=sys.stderr, disable=None, leave=False)
-
-
-def note(text: str) -> None:
-    """A line on stderr that does not tear a progress bar."""
-    from tqdm import tqdm
-
-    tqdm.write(f"moveit6d: {text}", file=sys.stderr)
+    return make_tools(Setting.of(args))
 
 
 def complaining(steps: Iterable[TrackedFrame], prefix: str = "") -> Iterator[TrackedFrame]:
-    """The same steps, with a line on stderr where frames begin to fail or fail differently."""
+    """The same steps, with a line on stderr where frames begin to fail or fail differently.
+
+    And where the confidence goes and comes back (`watching`).
+    """
     last = None
-    for step in steps:
+    for step in watching(steps, prefix):
         if step.error is not None and step.error != last:
             note(f"{prefix}frame {step.frame.index}: {step.error}")
         last = step.error
@@ -274,7 +210,7 @@ def weights_facts(path: Path | None) -> dict[str, str | None]:
 def given(args: argparse.Namespace) -> dict[str, Any]:
     """The arguments of a command as JSON can hold them."""
     return {
-        key: str(value) if isinstance(value, Path) else value
+        key.removeprefix(PREFIX): str(value) if isinstance(value, Path) else value
         for key, value in sorted(vars(args).items())
         if key != "run"
     }

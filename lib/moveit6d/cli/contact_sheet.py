@@ -9,6 +9,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..extras import require
 from .common import add_verb, positive, use_threads
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ def add_data_options(parser: argparse.ArgumentParser) -> None:
 
 def data_of(args: argparse.Namespace) -> PairDataModule:
     """The data module by the options of `add_data_options`."""
+    require("train", "The configuration of a fit")
     from lightning_modules.cli import read_data
 
     words = [f"--config={path}" for path in args.config]

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .common import (
-    add_beyond_paper_options,
     add_tracking_options,
     add_verb,
     new_folder,
     positive,
-    progress_bar,
 )
+from .messages import progress_bar
 from .synthesize import DIFFICULTIES
 
 if TYPE_CHECKING:
@@ -59,7 +58,6 @@ def add_parser(verbs: Any) -> None:
     )
     parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
     add_tracking_options(parser)
-    add_beyond_paper_options(parser)
     parser.set_defaults(run=run)
 
 

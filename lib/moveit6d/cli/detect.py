@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from .camera_options import add_camera_options, camera_of
 from .common import (
     add_tracking_options,
     add_verb,
@@ -19,6 +20,7 @@ from .common import (
     versions,
     weights_facts,
 )
+from .settings import settings_of
 
 DESCRIPTION = """\
 Lays seeds over the image, sees where one iteration at each of them wants to go, looks for the
@@ -46,7 +48,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--mesh", type=Path, required=True, metavar="FILE", help="the object")
     parser.add_argument("--mesh_unit", choices=("m", "mm"), required=True, help="the mesh's unit")
     parser.add_argument("--image", type=Path, required=True, metavar="FILE", help="the picture")
-    parser.add_argument("--camera", type=Path, required=True, metavar="FILE", help="intrinsics")
+    add_camera_options(parser)
     parser.add_argument("--output", type=Path, required=True, metavar="DIR", help="for results")
     parser.add_argument(
         "--criterion",
@@ -73,35 +75,33 @@ def run(args: argparse.Namespace) -> int:
     """Detect and write."""
     from PIL import Image
 
-    from ..datasets.pose_files import read_camera, write_pose
     from ..datasets.video import ImageList
-    from ..estimation import DetectorConfig, PoseDetector
+    from ..estimation import PoseDetector, SeedDetectorConfig
     from ..geometry.mesh import Mesh
     from ..io import replacing, write_json
     from ..visualization.overlay import draw_pose
 
-    mesh, camera = Mesh.load(args.mesh, args.mesh_unit), read_camera(args.camera)
-    frame = next(iter(ImageList((args.image,))))
+    mesh, images = Mesh.load(args.mesh, args.mesh_unit), ImageList((args.image,))
+    camera, frame = camera_of(args, images), next(iter(images))
     if frame.image is None:
         raise InputError(f"{args.image}: {frame.error}")
-    config = DetectorConfig(
-        tuple(args.sizes), sinks=args.sinks, rotations=args.rotations, seed=args.seed
+    config = SeedDetectorConfig(
+        sizes=tuple(args.sizes),
+        sinks=args.sinks,
+        rotations=args.rotations,
+        seed=args.seed,
+        criterion=args.criterion,
+        loop=settings_of(args).loop,
     )
     policy, renderer = set_up(args)
     detector = PoseDetector(
-        mesh,
-        camera,
-        criterion=args.criterion,
-        config=config,
-        policy=policy,
-        renderer=renderer,
-        max_iterations=args.max_iterations,
+        mesh, camera, policy=policy, renderer=renderer, config=config, threads=args.threads
     )
     found = detector.detect(frame.image)
     if found.result is None or found.pose is None:
         raise InputError(f"{args.image}: the object was not found; try other --sizes.")
     output = new_folder(args.output)
-    write_pose(output / "pose.json", found.pose)
+    found.pose.save(output / "pose.json")
     with replacing(output / "overlay.png") as temporary:
         Image.fromarray(draw_pose(frame.image, mesh, found.pose, camera, renderer)).save(temporary)
     facts = {

@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _renderers() -> tuple[str, ...]:
-    from ..rendering.renderer import NAMES
+    from ..rendering.backends import NAMES
 
     return NAMES
 
@@ -70,7 +70,7 @@ def _renders(name: str) -> bool:
 
     from ..geometry.mesh import Mesh
     from ..geometry.pose import Pose
-    from ..rendering.renderer import make_renderer
+    from ..rendering.backends import make_renderer
 
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * 0.1
     faces = [

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .common import DATASET_FORMATS, add_verb, note, progress_bar, use_threads
+from .common import DATASET_FORMATS, add_verb, use_threads
+from .messages import note, progress_bar
 
 if TYPE_CHECKING:
     from ..datasets.bop import BopDataset, Estimate
@@ -192,7 +193,7 @@ def _average_recalls(
     dataset: BopDataset, files: Sequence[tuple[str, list[Estimate]]], args: argparse.Namespace
 ) -> str:
     from ..evaluation.bop.bop19 import bop19_table, has_depth, score_bop19, targets_of
-    from ..rendering.renderer import make_renderer
+    from ..rendering.backends import make_renderer
 
     targets = targets_of(dataset, args.targets)
     depth = has_depth(dataset, targets)

@@ -9,7 +9,12 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
+from ..extras import require
 from .common import add_verb
+from .messages import set_level
+from .parser import spelt
+
+QUIETLY, VERBOSELY = ("-q", "--quiet"), ("-v", "--verbose")
 
 DESCRIPTION = """\
 Trains a network by a configuration file on pairs that are rendered as training goes on. Every
@@ -39,7 +44,11 @@ def add_parser(verbs: Any) -> None:
 
 def forward(arguments: Sequence[str]) -> int:
     """Hand the arguments after `fit` over to the trainer's command line."""
+    require("train", "moveit6d fit")
     from lightning_modules.cli import main
 
-    main(["--help" if word == "--all_options" else word for word in arguments])
+    words = [spelt(word) for word in arguments]
+    set_level(any(word in QUIETLY for word in words), any(word in VERBOSELY for word in words))
+    words = [word for word in words if word not in (*QUIETLY, *VERBOSELY)]
+    main(["--help" if word == "--all_options" else word for word in words])
     return 0

@@ -5,14 +5,16 @@ Never computes anything; imports nothing heavy before a verb runs.
 
 from __future__ import annotations
 
-import argparse
+import os
 import sys
+import traceback
 from collections.abc import Callable, Sequence
 
 from .. import __version__
 from ..errors import InputError, RenderingUnavailable
 from . import (
     benchmark,
+    calibrate,
     contact_sheet,
     demo,
     detect,
@@ -25,7 +27,16 @@ from . import (
     track,
     write_pairs,
 )
-from .common import BAD_INPUT, EXIT_CODES, INTERRUPTED, NO_RENDERING, ManualFormatter
+from .common import (
+    BAD_INPUT,
+    BROKEN_PIPE,
+    EXIT_CODES,
+    INTERRUPTED,
+    NO_RENDERING,
+    ManualFormatter,
+)
+from .messages import is_verbose, set_level
+from .parser import Parser
 
 DESCRIPTION = """\
 Follow an object's 6D pose (rotation and translation) through a video, given the object's
@@ -42,9 +53,9 @@ examples:
 """
 
 
-def make_parser() -> argparse.ArgumentParser:
+def make_parser() -> Parser:
     """The parser of all verbs."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="moveit6d",
         description=DESCRIPTION,
         epilog=EXAMPLES + EXIT_CODES,
@@ -56,6 +67,7 @@ def make_parser() -> argparse.ArgumentParser:
         track,
         refine,
         detect,
+        calibrate,
         evaluate,
         benchmark,
         reproduce,
@@ -77,14 +89,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if given[:1] == ["fit"] and given[1:] not in (["--help"], ["-h"]):
         return guarded(lambda: fit.forward(given[1:]))
     args = make_parser().parse_args(given)
+    set_level(getattr(args, "quiet", False), getattr(args, "verbose", False))
     return guarded(lambda: int(args.run(args) or 0))
 
 
 def guarded(action: Callable[[], int]) -> int:
     """The action's exit code, or that of the error it ended with; errors go to stderr."""
     try:
-        return action()
+        code = action()
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        # Python flushes stdout once more at its end: nobody reads that either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
     except InputError as error:
+        if is_verbose():
+            traceback.print_exc()
         print(f"moveit6d: {error}", file=sys.stderr)
         return BAD_INPUT
     except RenderingUnavailable as error:

@@ -16,20 +16,18 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 from .common import (
     Setting,
-    add_beyond_paper_options,
     add_jobs_options,
     add_tracking_options,
     add_verb,
-    note,
     positive,
-    progress,
     set_up,
     tools,
 )
+from .messages import note, progress
 
 if TYPE_CHECKING:
     from ..datasets.bop import BopDataset, Estimate
-    from ..estimation import Target, TrackingResult
+    from ..estimation import TrackingResult
     from ..policies import Policy
     from ..rendering.renderer import Renderer
 
@@ -77,7 +75,6 @@ def add_parser(verbs: Any) -> None:
     )
     add_jobs_options(parser)
     add_tracking_options(parser)
-    add_beyond_paper_options(parser)
     parser.set_defaults(run=run)
 
 
@@ -166,8 +163,8 @@ def refine_image(
     dataset: BopDataset, job: ImageJob, policy: Policy, renderer: Renderer
 ) -> list[Estimate]:
     """Refine the poses in one image; all of them carry the seconds of the whole image."""
-    from ..estimation import Target
-    from ..estimation.frame import prepare_frame
+    from ..estimation import Target, refine_single
+    from ..frame import prepare_frame
 
     estimates = job.estimates
     scene, image = estimates[0].scene, estimates[0].image
@@ -179,7 +176,7 @@ def refine_image(
     results: list[TrackingResult] = []
     for first in range(0, len(targets), job.batch):
         some = targets[first : first + job.batch]
-        results += _refine(some, policy, renderer, job.setting)
+        results += refine_single(some, policy=policy, renderer=renderer, config=job.setting.config)
     seconds = time.perf_counter() - start
     refined = []
     for estimate, result in zip(estimates, results, strict=True):
@@ -197,26 +194,3 @@ def _same(refined: Estimate, given: Estimate) -> bool:
         (refined.pose.rotation == given.pose.rotation).all()
         and (refined.pose.translation == given.pose.translation).all()
     )
-
-
-def _refine(
-    targets: list[Target], policy: Policy, renderer: Renderer, setting: Setting
-) -> list[TrackingResult]:
-    """The results; one start pose out of sight fails alone, not the whole batch."""
-    from ..estimation import StopReason, TrackingResult, refine_single
-
-    try:
-        return refine_single(
-            targets,
-            policy=policy,
-            renderer=renderer,
-            max_iterations=setting.max_iterations,
-            multi_start=setting.multi_start,
-            contour=setting.contour,
-        )
-    except InputError as error:
-        if len(targets) == 1:
-            return [TrackingResult(None, 0, StopReason.FAILED, 0.0, 0.0, str(error))]
-        return [
-            result for target in targets for result in _refine([target], policy, renderer, setting)
-        ]

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..extras import require
 
 if TYPE_CHECKING:
     from ..datasets.pose_files import PoseRow
@@ -43,6 +44,8 @@ def check_report(path: Path | None, frames: FrameSource) -> None:
     """Refuse a report of a live camera, whose frames cannot be seen again."""
     from ..datasets.video import LiveCamera
 
+    if path is not None:
+        require("report", "--report")
     if path is not None and isinstance(frames, LiveCamera):
         raise InputError(
             "--report reads the video a second time, which a camera does not allow; record it "
@@ -63,7 +66,7 @@ def reporting(
 
     Nothing but gathering without a path.
     """
-    from ..estimation.track_state import LOW_CONFIDENCE
+    from ..evaluation.run_tracker import LOW_CONFIDENCE
 
     gathered = Gathered()
     try:
@@ -82,7 +85,7 @@ def reporting(
                 rows=gathered.rows,
                 facts=facts,
                 failures=gathered.failures,
-                doubtful=LOW_CONFIDENCE,
+                low_confidence=LOW_CONFIDENCE,
             )
             write_report(path, run, renderer)
 
@@ -107,7 +110,7 @@ def sequence_page(
     renderer: Renderer,
 ) -> str:
     """The page of one sequence; errors are against `truth`, the first of which is not counted."""
-    from ..estimation.track_state import LOW_CONFIDENCE
+    from ..evaluation.run_tracker import LOW_CONFIDENCE
     from ..evaluation.track_scores import EvaluationPoints, frame_errors
     from ..visualization.report import Run, report_page
 
@@ -125,7 +128,7 @@ def sequence_page(
         truth=sequence.truth,
         errors={error.frame: error for error in errors},
         failures=gathered.failures,
-        doubtful=LOW_CONFIDENCE,
+        low_confidence=LOW_CONFIDENCE,
     )
     return report_page(run, renderer)
 

@@ -6,24 +6,28 @@ Never computes a figure itself; `evaluation.reproduce` does.
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..config import PAPER_CONFIG, TrackerConfig
 from ..errors import InputError
+from ..extras import require
 from .common import (
     DATASET_FORMATS,
+    Setting,
     add_tracking_options,
     add_verb,
     complaining,
+    make_tools,
     new_folder,
-    note,
     positive,
-    progress,
-    set_up,
     versions,
     weights_facts,
 )
+from .messages import note, progress
 from .reproduce_pages import DESCRIPTION, EPILOG, KINDS
 
 if TYPE_CHECKING:
@@ -32,7 +36,18 @@ if TYPE_CHECKING:
     from ..evaluation.reproduce.tracks import ScoredTrack
     from ..evaluation.run_tracker import TrackedFrame
     from ..policies import Policy
-    from ..rendering.renderer import Renderer
+
+
+def _bases() -> dict[str, TrackerConfig]:
+    """The settings without any option, where they are not the paper's for tracking."""
+    from ..evaluation.reproduce import published_figures as published
+
+    loop = replace(
+        PAPER_CONFIG.loop,
+        max_iterations=published.CONVERGENCE_STEPS,
+        step_size=published.CONVERGENCE_STEP,
+    )
+    return {"convergence": replace(PAPER_CONFIG, loop=loop)}
 
 
 def add_parser(verbs: Any) -> None:
@@ -60,14 +75,8 @@ def add_parser(verbs: Any) -> None:
             metavar="N",
             help="of a sequence: the first N of a track, else N spread evenly",
         )
-        one.add_argument(
-            "--mode",
-            choices=("single", "all_axes"),
-            help="single actions as in the paper, or all axes at once; default: the network's own"
-            + (", here single" if name == "convergence" else ""),
-        )
         _add_own(one, name)
-        add_tracking_options(one)
+        add_tracking_options(one, _bases().get(name, PAPER_CONFIG))
         one.set_defaults(run=run, name=name)
 
 
@@ -112,6 +121,7 @@ def _add_own(parser: argparse.ArgumentParser, name: str) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run one reproduction, print it and write its files."""
+    require("report", "moveit6d reproduce")
     from ..evaluation.reproduce.reproduction import write_reproduction
     from ..visualization.plots import draw
 
@@ -136,25 +146,20 @@ def _opened(args: argparse.Namespace) -> tuple[list[Sequence], str]:
     return choose(open_dataset(args.data, kind), args.only), describe(args.data, kind)
 
 
-def _tools(
-    args: argparse.Namespace, weights: Path | None, mode: str | None
-) -> tuple[Policy, Renderer]:
-    from ..policies import ActionMode
-
-    policy, renderer = set_up(argparse.Namespace(**{**vars(args), "weights": weights}))
-    if mode is not None:
-        policy.mode = ActionMode(mode)
-    return policy, renderer
+def _setting(args: argparse.Namespace, weights: Path | None) -> Setting:
+    """What decides the numbers: the paper's method unless options say otherwise."""
+    given = argparse.Namespace(**{**vars(args), "weights": weights})
+    return Setting.of(given, _bases().get(args.name, PAPER_CONFIG))
 
 
-def _facts(args: argparse.Namespace, policy: Policy, weights: Path | None) -> dict[str, Any]:
+def _facts(args: argparse.Namespace, setting: Setting) -> dict[str, Any]:
     """What decides the numbers; no places on this machine."""
     return {
-        **weights_facts(weights),
-        "mode": policy.mode.value,
+        **weights_facts(setting.weights),
+        "mode": setting.config.loop.mode,
         "float32": args.float32,
         "renderer": args.renderer,
-        "max_iterations": args.max_iterations,
+        "config": json.loads(json.dumps(setting.config.as_dict())),
         "only": sorted(args.only or []),
         "versions": versions(),
     }
@@ -169,30 +174,30 @@ def _tracks(
     args: argparse.Namespace, videos: list[Sequence], weights: Path | None, place: str = "tracks"
 ) -> tuple[Iterator[ScoredTrack], dict[str, Any]]:
     """Tracks under the paper's protocol, kept in the output folder, and the settings."""
-    from ..estimation import PoseTracker
+    from ..estimation import PoseTracker, TrackingResult
     from ..evaluation.protocols import PAPER
     from ..evaluation.reproduce.tracks import TrackSettings, run_tracks
 
-    policy, renderer = _tools(args, weights, args.mode)
-    limit = args.max_iterations or PAPER.max_iterations
-    facts = {**_facts(args, policy, weights), "max_iterations": limit, "protocol": PAPER.name}
+    setting = _setting(args, weights)
+    policy, renderer = make_tools(setting)
+    facts = {**_facts(args, setting), "protocol": PAPER.name}
 
-    def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker:
+    def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker[TrackingResult]:
         return PoseTracker(
             mesh,
             camera,
             start,
             policy=policy,
             renderer=renderer,
-            max_iterations=limit,
-            contour=False,  # the paper has no such thing
+            config=setting.config,
+            threads=setting.threads,
         )
 
     kept = {k: v for k, v in facts.items() if k not in ("only", "versions")}
     kept["data"] = args.data.resolve().name
     folder = new_folder(args.output) / place
-    setting = TrackSettings(make_tracker, lambda _: PAPER, kept, folder, args.frames)
-    return run_tracks(videos, setting, _watched), facts
+    runs = TrackSettings(make_tracker, lambda _: PAPER, kept, folder, args.frames)
+    return run_tracks(videos, runs, _watched), facts
 
 
 def _ycb(args: argparse.Namespace) -> Reproduction:
@@ -229,12 +234,15 @@ def _convergence(args: argparse.Namespace) -> Reproduction:
     from ..evaluation.reproduce import convergence
 
     videos, data = _opened(args)
-    policy, renderer = _tools(args, args.weights, args.mode or "single")
+    setting = _setting(args, args.weights)
+    policy, renderer = make_tools(setting)
     readings = tuple(convergence.Reading) if args.reading is None else (args.reading,)
     given: dict[str, Any] = {} if args.m is None else {"ms": tuple(args.m)}
-    given |= {} if args.max_iterations is None else {"max_iterations": args.max_iterations}
     plan = convergence.Plan(
-        readings=tuple(map(convergence.Reading, readings)), frames=args.frames, **given
+        readings=tuple(map(convergence.Reading, readings)),
+        frames=args.frames,
+        loop=setting.config.loop,
+        **given,
     )
     trials = []
     for video in videos:
@@ -242,12 +250,7 @@ def _convergence(args: argparse.Namespace) -> Reproduction:
         number = len(convergence.frames_of(video, plan))
         for found in progress(runs, number, video.name):
             trials += found
-    facts = {
-        **_facts(args, policy, args.weights),
-        "step": plan.step,
-        "max_iterations": plan.max_iterations,
-    }
-    return convergence.reproduction(trials, data, facts)
+    return convergence.reproduction(trials, data, _facts(args, setting))
 
 
 def _runtime(args: argparse.Namespace) -> Reproduction:
@@ -264,13 +267,14 @@ def _runtime(args: argparse.Namespace) -> Reproduction:
         found, _ = _tracks(args, videos, args.weights)
         tracks = list(found)
     assert mesh is not None
-    policy, renderer = _tools(args, args.weights, args.mode)
+    setting = _setting(args, args.weights)
+    policy, renderer = make_tools(setting)
     count = args.repeats + WARM_UP
     times = time_iteration(
         mesh, policy, renderer, progress(range(count), count, "iteration", "iteration")
     )
     facts = {
-        **_facts(args, policy, args.weights),
+        **_facts(args, setting),
         "object": mesh.name,
         "faces": len(mesh.faces),
         "threads": args.threads,
@@ -285,32 +289,40 @@ def _attention(args: argparse.Namespace) -> Reproduction:
     from ..policies import load_policy
 
     videos, data = _opened(args)
-    policy, renderer = _tools(args, args.weights, args.mode)
+    setting = _setting(args, args.weights)
+    policy, renderer = make_tools(setting)
     policies: dict[str, Policy] = {}
     for path in args.checkpoints:
         steps = load_network(path).facts.get("steps")
         policies[path.stem if steps is None else f"{steps} steps"] = load_policy(path)
     policies["model"] = policy
     cases = attention.patches(videos, args.frames or 1, renderer)
-    return attention.reproduction(cases, policies, data, _facts(args, policy, args.weights))
+    return attention.reproduction(cases, policies, data, _facts(args, setting))
 
 
 def _detection(args: argparse.Namespace) -> Reproduction:
-    from ..estimation import DetectorConfig, PoseDetector
+    from ..estimation import PoseDetector, SeedDetectorConfig
     from ..evaluation.reproduce import detection
 
     videos, data = _opened(args)
-    policy, renderer = _tools(args, args.weights, args.mode)
-    config = DetectorConfig(tuple(args.sizes), args.poses, args.sinks, args.rotations)
+    setting = _setting(args, args.weights)
+    policy, renderer = make_tools(setting)
+    config = SeedDetectorConfig(
+        tuple(args.sizes),
+        args.poses,
+        args.sinks,
+        args.rotations,
+        criterion="iterations",
+        loop=setting.config.loop,
+    )
     detectors = {
         video.name: PoseDetector(
             video.load_mesh(),
             video.camera,
-            criterion="iterations",
-            config=config,
             policy=policy,
             renderer=renderer,
-            max_iterations=args.max_iterations,
+            config=config,
+            threads=setting.threads,
         )
         for video in videos
     }
@@ -325,12 +337,7 @@ def _detection(args: argparse.Namespace) -> Reproduction:
             example = detection.Example(image, found, detection.TURNS, *curve)
     if example is None:
         raise InputError(f"{args.data}: no frame with a true pose could be read.")
-    limit = next(iter(detectors.values())).max_iterations
-    facts = {
-        **_facts(args, policy, args.weights),
-        "max_iterations": limit,
-        "detector": vars(config),
-    }
+    facts = {**_facts(args, setting), "detector": json.loads(json.dumps(asdict(config)))}
     return detection.reproduction(trials, example, data, facts)
 
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .common import Setting, complaining, progress, tools
+from .common import Setting, complaining, tools
+from .messages import progress
 from .reporting import Gathered, rerun_log, sequence_page
 
 if TYPE_CHECKING:
@@ -65,23 +66,24 @@ def track_job(
     With a path the rows are also written there as they come, so that Ctrl-C leaves them; `bar`
     shows how far it is.
     """
-    from ..estimation import PoseTracker
+    from ..estimation import PoseTracker, TrackingResult
     from ..evaluation.benchmark import gather, run_sequence
 
-    def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker:
+    def make_tracker(mesh: Any, camera: Any, start: Any) -> PoseTracker[TrackingResult]:
         return PoseTracker(
             mesh,
             camera,
             start,
             policy=policy,
             renderer=renderer,
-            max_iterations=job.setting.max_iterations,
-            multi_start=job.setting.multi_start,
-            contour=job.setting.contour,
+            config=job.setting.config,
+            threads=job.setting.threads,
         )
 
     gathered = Gathered()
-    steps = run_sequence(job.sequence, make_tracker, job.protocol, job.setting.calibration)
+    steps = run_sequence(
+        job.sequence, make_tracker, job.protocol, job.setting.config.calibration.enabled
+    )
     watched = _with_bar(job.sequence, steps) if bar else steps
     gathered.rows = gather(job.sequence, _drawn(job, watched, renderer, gathered), path)
     return Tracked(gathered.rows, page_of(job, gathered, renderer) if job.page else None)

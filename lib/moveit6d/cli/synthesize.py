@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .common import add_verb, positive, progress_bar
+from .common import add_verb, positive
+from .messages import progress_bar
 
 if TYPE_CHECKING:
     from ..datasets.video import Image
@@ -26,7 +27,7 @@ synthesize sequence` is the same.
 levels: easy (slow, never covered), occ (slow, covered at times), medium, fast (up to 24 pixels
 and 10 degrees a frame, blurred), hard (fast, covered, changing light, cluttered background)
 
-formats (docs/formats.md):
+formats (docs/reference/formats.md):
   folders  one sequence folder; with --count 2 or more: <level>_<nn>. Files: frames/000000.jpg
            ..., camera.json, mesh.glb, start.json, poses.csv (the truth), info.json
   laval    a surrogate for the Laval data set: for every object OBJECT_occlusion_0 and, for each

@@ -12,24 +12,26 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from .camera_options import CAMERA_FILES, add_camera_options, camera_of
 from .common import (
-    add_beyond_paper_options,
+    Setting,
     add_tracking_options,
     add_verb,
     complaining,
     given,
+    make_tools,
     new_folder,
-    progress,
-    set_up,
     versions,
     weights_facts,
 )
+from .messages import progress
 from .reporting import check_report, reporting, rerun_log
 
 if TYPE_CHECKING:
     from ..evaluation.run_tracker import TrackSummary
 
-DESCRIPTION = """\
+DESCRIPTION = (
+    """\
 Finds the pose in every frame, each starting from the one before; the first frame starts from
 --start. A frame that cannot be used (damaged, of another size) is recorded and the track
 goes on with the next one. The start must be roughly right: within about a quarter of the
@@ -37,10 +39,12 @@ object's width and 20 degrees.
 
 files read:
   --mesh    OBJ, PLY, GLB or STL, with texture, vertex colours or plain
-  --video   a folder of images (taken in the order of their names), a video file, or the
-            index of a camera (then stop with Ctrl-C)
-  --camera  {"fx", "fy", "cx", "cy", "width", "height", "distortion": [k1, k2, p1, p2, k3]}
-            in pixels, pixel (0, 0) being the centre of the top-left one; distortion optional
+  --video   a folder of images (taken in the order of their names), a video file, the
+            address of a stream (rtsp://…, http://…) or the index of a camera (then stop with
+            Ctrl-C; frames that come while another is worked on are left out)
+"""
+    + CAMERA_FILES
+    + """\
   --start   {"rotation": 3x3, "translation": [x, y, z]}: object to camera, x right, y down,
             z forward, metres, in the frame of the mesh file
 
@@ -52,6 +56,7 @@ files written to --output:
   --report      one HTML page of the run for any browser: curves, pictures, worst frames first
   --rerun       the run for the rerun viewer (needs: pip install 'moveit6d[rerun]')
 """
+)
 
 EPILOG = """\
 examples:
@@ -72,11 +77,9 @@ def add_parser(verbs: Any) -> None:
         "--video",
         required=True,
         metavar="SOURCE",
-        help="folder of images, video file or camera index",
+        help="folder of images, video file, address (rtsp://…, http://…) or camera index",
     )
-    needed.add_argument(
-        "--camera", type=Path, required=True, metavar="FILE", help="intrinsics (camera.json)"
-    )
+    add_camera_options(needed)
     needed.add_argument(
         "--start", type=Path, required=True, metavar="FILE", help="pose in the first frame"
     )
@@ -92,47 +95,49 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
     parser.add_argument("--rerun", type=Path, metavar="FILE", help="write an .rrd for rerun")
     add_tracking_options(parser)
-    add_beyond_paper_options(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Track and write."""
-    from ..datasets.pose_files import PoseWriter, read_camera, read_pose
-    from ..datasets.video import LiveCamera, Prefetched, open_frames
+    from ..datasets.live import Latest
+    from ..datasets.pose_files import PoseWriter
+    from ..datasets.video import Prefetched, open_frames
     from ..estimation import PoseTracker
     from ..evaluation.run_tracker import TrackSummary, calibrating, run_tracker
     from ..geometry.mesh import Mesh
+    from ..geometry.pose import Pose
     from .drawing import draw_step
 
     mesh = Mesh.load(args.mesh, args.mesh_unit)
-    camera, start = read_camera(args.camera), read_pose(args.start)
-    frames = open_frames(args.video)
+    start, frames = Pose.load(args.start), open_frames(args.video)
+    camera = camera_of(args, frames)
     check_report(args.report, frames)
-    policy, renderer = set_up(args)
+    setting = Setting.of(args)
+    policy, renderer = make_tools(setting)
     tracker = PoseTracker(
         mesh,
         camera,
         start,
         policy=policy,
         renderer=renderer,
-        max_iterations=args.max_iterations,
-        multi_start=not args.no_multi_start,
-        contour=not args.no_contour,
+        config=setting.config,
+        threads=setting.threads,
     )
     output = new_folder(args.output)
     record = TrackSummary()
     with (
-        _summary(output / "summary.json", record, args),
+        _summary(output / "summary.json", record, args, setting),
         reporting(args.report, _about(args), mesh, camera, frames, renderer) as page,
         PoseWriter(output / "poses.csv") as table,
         _movie(output / "overlay.mp4", frames.fps, args.no_overlay) as movie,
         rerun_log(args.rerun, mesh, camera) as log,
     ):
-        # A camera read ahead would show the past.
-        ahead = frames if isinstance(frames, LiveCamera) else Prefetched(frames)
+        # What is live and read ahead would show the past.
+        ahead = Latest(frames) if getattr(frames, "live", False) else Prefetched(frames)
         watched = progress(ahead, frames.length, "track")
-        known = calibrating(tracker, watched) if args.exact_start else watched
+        exact = args.exact_start and setting.config.calibration.enabled
+        known = calibrating(tracker, watched) if exact else watched
         for step in complaining(run_tracker(tracker, known)):
             table.write(step.row)
             record.add(step)
@@ -156,7 +161,9 @@ def _about(args: argparse.Namespace) -> dict[str, str]:
 
 
 @contextmanager
-def _summary(path: Path, record: TrackSummary, args: argparse.Namespace) -> Iterator[None]:
+def _summary(
+    path: Path, record: TrackSummary, args: argparse.Namespace, setting: Setting
+) -> Iterator[None]:
     """Write the summary when the block ends, however it ends, if there was a frame."""
     from ..io import write_json
 
@@ -173,6 +180,7 @@ def _summary(path: Path, record: TrackSummary, args: argparse.Namespace) -> Iter
                 "interrupted": interrupted,
                 **weights_facts(args.weights),
                 "versions": versions(),
+                "config": setting.config.as_dict(),
                 "arguments": given(args),
             }
             write_json(path, facts)

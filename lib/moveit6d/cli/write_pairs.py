@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from .common import add_verb, note, positive, progress_bar
+from .common import add_verb, positive
 from .contact_sheet import add_data_options, data_of
+from .messages import note, progress_bar
 
 DESCRIPTION = """\
 Draws the pairs that `moveit6d fit` would draw with the same configuration, and writes them to

@@ -1,4 +1,4 @@
-"""The outline of a rendered mask: where it runs and which way is out.
+"""The contour of a rendered mask: where it runs and which way is out.
 
 Never sees an image.
 """
@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 
 from ..typing import Float64, Mask
 
-SMOOTH = 2.0  # pixels over which the direction of the outline is averaged
-
 
 @dataclass(frozen=True)
 class Contour:
     """Points (N, 2) between the last pixel inside and the first outside, x and y in the patch.
 
     `normals` (N, 2) are unit and point out; `inside` (N, 2) are the pixels (row, column) just
-    inside; `lengths` (N,) say how much of the outline each point stands for, 1 on average.
+    inside; `lengths` (N,) say how much of the contour each point stands for, 1 on average.
     """
 
     points: Float64
@@ -29,11 +27,12 @@ class Contour:
     lengths: Float64
 
 
-def find_contour(mask: Mask, number: int) -> Contour | None:
-    """At most `number` points along the outlines of a mask (H, W), holes included; None if none.
+def find_contour(mask: Mask, number: int, blur: float = 2.0) -> Contour | None:
+    """At most `number` points along the contours of a mask (H, W), holes included; None if none.
 
-    The true outline crosses the grid anywhere between two neighbours, so that the middle between
-    them is right on average, to a fraction of a pixel over all points.
+    Directions are averaged over `blur` pixels. The true contour crosses the grid anywhere between
+    two neighbours, so that the middle between them is right on average, to a fraction of a pixel
+    over all points.
     """
     import cv2
 
@@ -42,7 +41,7 @@ def find_contour(mask: Mask, number: int) -> Contour | None:
         return None
     chosen = np.unique(np.linspace(0, len(points) - 1, number).round().astype(int))
     points, inside = points[chosen], inside[chosen]
-    soft = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), SMOOTH)
+    soft = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), blur)
     row, column = inside.T
     slopes = [cv2.Sobel(soft, cv2.CV_32F, *axis, ksize=3)[row, column] for axis in ((1, 0), (0, 1))]
     normals = -np.stack(slopes, -1).astype(np.float64)
@@ -51,7 +50,7 @@ def find_contour(mask: Mask, number: int) -> Contour | None:
     if not good.any():
         return None
     normals = normals[good] / steep[good, None]
-    # An oblique outline has more borders of pixels than it has length.
+    # An oblique contour has more borders of pixels than it has length.
     lengths = 1 / np.abs(normals).sum(1)
     return Contour(points[good], normals, inside[good], lengths / lengths.mean())
 

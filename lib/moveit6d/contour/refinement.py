@@ -1,7 +1,7 @@
 """Region-based refinement of a pose: Gauss–Newton on correspondence lines, with a prior.
 
 Never remembers anything between two calls and never knows a network. SRT3D, Stoiber et al., IJCV
-2022; the prior is ours: outlines do not fix everything, and who proposed the pose knew more.
+2022; the prior is ours: contours do not fix everything, and who proposed the pose knew more.
 """
 
 from __future__ import annotations
@@ -12,38 +12,29 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE, View, crop_patch, look_at, patch_to_image
+from ..config import ContourConfig
+from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE, View, crop_patch, look_at, patch_pixels
+from ..geometry.lens import Lens
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..rendering.renderer import Renderer
 from ..typing import Float32, Float64, Mask, RGBImage
-from .correspondence_lines import REACH, contour_distances
+from .correspondence_lines import contour_distances
 from .extraction import Contour, find_contour
 from .histograms import ColourHistograms, estimate_histograms
 
-# All numbers were chosen on made sequences of training objects that were held out.
-SCALES = ((2, 2), (1, 1))  # pixels a segment of the lines; one rendering for each pair
-POINTS = 200  # of the outline
-FEWEST = 20  # points without which nothing is done
-# How far the given pose may be off, in units: what contours say weighs less the smaller these are.
-SPREAD = np.array([0.4, 0.4, 0.9, 0.9, 0.9, 0.6])
-ALIKE = 5.0  # neighbouring lines err alike: so many of them count as one
-FAR = 3.0  # pixels beyond which a line is hardly believed: something covers the outline there
-LIMIT = 5.0  # units a step
-TOO_FAR = 8.0  # units in all, after which the given pose is kept
+DEFAULT = ContourConfig()
 
 
 @dataclass(frozen=True)
 class ContourRefinement:
     """A pose after the refinement, and what the image teaches there.
 
-    `pose` is unbatched, centred and float64; `agreement` in [0, 1] is the share of the outline
-    where the colours change sharply and in the right place; `histograms` are the image's own at
-    that pose, None if there is too little to see.
+    `pose` is unbatched, centred and float64; `histograms` are the image's own at that pose, None if
+    there is too little to see.
     """
 
     pose: Pose
-    agreement: float
     histograms: ColourHistograms | None
 
 
@@ -106,67 +97,78 @@ def refine_contour(
     pose: Pose,
     renderer: Renderer,
     histograms: ColourHistograms | None = None,
+    config: ContourConfig = DEFAULT,
+    lens: Lens | None = None,
 ) -> ContourRefinement:
-    """Fit the outline of a mesh near a centred pose to an image (3, H, W).
+    """Fit the contour of a mesh near a centred pose to an image (3, H, W) taken through `lens`.
 
-    `colours` are what the object and its surroundings looked like before; without them those of
+    `histograms` are what the object and its surroundings looked like before; without them those of
     this very image at the given pose must do.
     """
-    sight = _look(image, intrinsics, mesh, pose, renderer)
+    sight = _look(image, intrinsics, mesh, pose, renderer, lens)
     place = sight.place(pose)
     mask, depth = sight.render(place)
-    known = histograms or estimate_histograms(sight.patch, mask, sight.seen)
+    known = histograms or estimate_histograms(sight.patch, mask, sight.seen, config)
     if known is None:
-        return ContourRefinement(pose, 0.0, None)
-    odds, agreement = known.log_odds(sight.patch, sight.seen), 0.0
-    for turn, scales in enumerate(SCALES):
+        return ContourRefinement(pose, None)
+    odds = known.log_odds(sight.patch, sight.seen, config)
+    for turn, scales in enumerate(config.scales):
         if turn:
             mask, depth = sight.render(place)
-        contour = find_contour(mask, POINTS)
-        if contour is None or len(contour.points) < FEWEST:
-            return ContourRefinement(pose, 0.0, None)
-        place, agreement = _fit(
-            odds, contour, depth, place, float(sight.view.intrinsics[0, 0]), scales
-        )
-    if not np.abs(place.moved).max() <= TOO_FAR:  # nor numbers that are not finite
-        return ContourRefinement(pose, 0.0, None)
+        contour = find_contour(mask, config.lines, config.normal_blur)
+        if contour is None or len(contour.points) < config.min_lines:
+            return ContourRefinement(pose, None)
+        focal = float(sight.view.intrinsics[0, 0])
+        place = _fit(odds, contour, depth, place, focal, scales, config)
+    if not np.abs(place.moved).max() <= config.max_delta:  # nor numbers that are not finite
+        return ContourRefinement(pose, None)
     found = sight.view.to_real(place.pose())
-    return ContourRefinement(found, agreement, estimate_histograms(sight.patch, mask, sight.seen))
+    return ContourRefinement(found, estimate_histograms(sight.patch, mask, sight.seen, config))
 
 
 def histograms_at(
-    image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: Renderer
+    image: Tensor,
+    intrinsics: Tensor,
+    mesh: Mesh,
+    pose: Pose,
+    renderer: Renderer,
+    config: ContourConfig = DEFAULT,
+    lens: Lens | None = None,
 ) -> ColourHistograms | None:
     """The colours that an image (3, H, W) shows of a mesh at a centred pose, and beside it.
 
     None if there is too little to see.
     """
-    sight = _look(image, intrinsics, mesh, pose, renderer)
-    return estimate_histograms(sight.patch, sight.render(sight.place(pose))[0], sight.seen)
+    sight = _look(image, intrinsics, mesh, pose, renderer, lens)
+    mask, _ = sight.render(sight.place(pose))
+    return estimate_histograms(sight.patch, mask, sight.seen, config)
 
 
-def _look(image: Tensor, intrinsics: Tensor, mesh: Mesh, pose: Pose, renderer: Renderer) -> _Sight:
+def _look(
+    image: Tensor,
+    intrinsics: Tensor,
+    mesh: Mesh,
+    pose: Pose,
+    renderer: Renderer,
+    lens: Lens | None,
+) -> _Sight:
     """Cut the patch out of the image."""
     view = look_at(pose, torch.tensor(mesh.sphere_diameter, dtype=torch.float64))
-    patch = crop_patch(image, view, intrinsics)
+    patch = crop_patch(image, view, intrinsics, lens)
     picture = (patch * 255).round().clamp(0, 255).to(torch.uint8).permute(1, 2, 0).numpy()
     return _Sight(
         mesh,
         renderer,
         view,
         np.ascontiguousarray(picture),
-        _seen(patch_to_image(view, intrinsics).numpy(), *image.shape[-2:]),
+        _seen(*patch_pixels(view, intrinsics, lens), *image.shape[-2:]),
     )
 
 
-def _seen(back: Float64, height: int, width: int) -> Mask:
-    """Which pixels of the patch (H, W) lie in the image, to which `back` (3, 3) takes them."""
-    line = np.arange(PATCH_SIZE)
-    rows = back[:, 1, None] * line + back[:, 2, None]
-    x, y, z = rows[:, :, None] + (back[:, 0, None] * line)[:, None]
-    right, bottom = (width - 0.5) * z, (height - 0.5) * z
-    across, down = (x >= -0.5 * z) & (x <= right), (y >= -0.5 * z) & (y <= bottom)
-    seen: Mask = (z > 0) & across & down
+def _seen(u: Tensor, v: Tensor, height: int, width: int) -> Mask:
+    """Which pixels of the patch (H, W) lie in the image, at u and v there."""
+    across, down = (u >= -0.5) & (u <= width - 0.5), (v >= -0.5) & (v <= height - 0.5)
+    seen: Mask = (across & down).numpy()
     return seen
 
 
@@ -177,36 +179,36 @@ def _fit(
     place: _Place,
     focal: float,
     scales: tuple[int, ...],
-) -> tuple[_Place, float]:
-    """The place after one step a scale, with the outline of one rendering; and the agreement."""
+    config: ContourConfig,
+) -> _Place:
+    """The place after one step a scale, with the contour of one rendering."""
     middle = (PATCH_SIZE - 1) / 2
     z = depth[tuple(contour.inside.T)].astype(np.float64)
     points = np.column_stack([(contour.points - middle) / focal * z[:, None], z])
     on_object = (points - place.centre) @ place.rotation
-    agreement = 0.0
     for scale in scales:
         points = on_object @ place.rotation.T + place.centre
         pixels = points[:, :2] / points[:, 2:] * focal + middle
-        mean, variance = contour_distances(odds, pixels, contour.normals, scale)
+        mean, variance = contour_distances(odds, pixels, contour.normals, scale, config)
         slope = (jacobian(points, place.centre, focal) * contour.normals[:, :, None]).sum(1)
-        weight = contour.lengths * POINTS / len(mean) / (ALIKE * variance)
-        weight /= 1 + (mean / FAR) ** 2
-        place = place.step(_solve(slope, weight, mean, place.moved), focal)
-        sharp = variance < (REACH * scale) ** 2 / 6  # half of what it is if all are as likely
-        agreement = float(np.average(sharp & (np.abs(mean) < 1.5), weights=contour.lengths))
-    return place, agreement
+        weight = contour.lengths * config.lines / len(mean) / (config.correlation * variance)
+        weight /= 1 + (mean / config.outlier) ** 2
+        place = place.step(_solve(slope, weight, mean, place.moved, config), focal)
+    return place
 
 
-def _solve(slope: Float64, weight: Float64, mean: Float64, moved: Float64) -> Float64:
-    """The delta (6,) that fits displacements (N,) and stays near the given pose, `moved` (6,) away.
+def _solve(
+    slope: Float64, weight: Float64, mean: Float64, moved: Float64, config: ContourConfig
+) -> Float64:
+    """The delta (6,) that fits distances (N,) and stays near the given pose, `moved` (6,) away.
 
-    `slope` (N, 6) is how the displacements change with the delta.
+    `slope` (N, 6) is how the distances change with the delta.
     """
     weighted = slope * weight[:, None]
-    prior = SPREAD**-2.0
+    prior = np.array(config.prior) ** -2.0
     normal = weighted.T @ slope + np.diag(prior)
     step = np.linalg.solve(normal, weighted.T @ mean - prior * moved)
-    return np.asarray(step.clip(-LIMIT, LIMIT))
+    return np.asarray(step.clip(-config.max_step, config.max_step))
 
 
 def jacobian(points: Float64, centre: Float64, focal: float) -> Float64:

@@ -148,7 +148,7 @@ class BopDataset:
         if size is None:
             height, width = self.image(scene, image).shape[:2]
             size = (width, height)
-        return Camera(values[0], values[4], values[2], values[5], *size)
+        return Camera(values[0], values[4], values[2], values[5], *size, skew=values[1])
 
     def truth(self, scene: int, image: int) -> list[Instance]:
         """The true poses of an image in the order of `scene_gt.json`."""

@@ -88,7 +88,7 @@ def _add(folder: Path, one: BopImage, kept: dict[str, dict[str, Any]]) -> None:
     key, name = str(one.number), f"{one.number:06d}.png"
     (folder / "rgb").mkdir(parents=True, exist_ok=True)
     Pillow.fromarray(one.image).save(folder / "rgb" / name, compress_level=3)
-    kept["camera"][key] = {"cam_K": one.camera.matrix().reshape(9).tolist()}
+    kept["camera"][key] = {"cam_K": one.camera.matrix.reshape(9).tolist()}
     if one.depth is not None:
         (folder / "depth").mkdir(exist_ok=True)
         steps = np.rint(one.depth * (1000 / DEPTH_SCALE)).astype(np.uint16)

@@ -105,7 +105,7 @@ def from_opengl(matrices: Any, where: str) -> Pose:
 
 def to_opengl(poses: Pose) -> NDArray[np.float64]:
     """OpenGL view matrices (N, 4, 4) of poses (N)."""
-    return np.asarray(FLIP @ poses.matrix().to(torch.float64).numpy())
+    return np.asarray(FLIP @ poses.matrix.to(torch.float64).numpy())
 
 
 def write_laval_sequence(

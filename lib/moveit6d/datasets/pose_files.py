@@ -17,7 +17,7 @@ from typing import Any, TextIO
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.pose import Pose
-from ..io import read_json, replacing, write_json
+from ..io import replacing, write_json
 
 ROTATION_COLUMNS = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
 POSE_COLUMNS = (*ROTATION_COLUMNS, "tx", "ty", "tz")
@@ -26,8 +26,6 @@ TRACK_COLUMNS = (
 )  # fmt: skip
 # A benchmark's result: one such file a sequence.
 RESULT_COLUMNS = ("frame", *POSE_COLUMNS, "milliseconds")
-# No object that fills a patch stands farther away: such a translation is in millimetres.
-FARTHEST = 100.0
 
 
 @dataclass(frozen=True)
@@ -50,56 +48,27 @@ class PoseRow:
 
 
 def read_camera(path: Path) -> Camera:
-    """Camera of a camera.json: fx, fy, cx, cy, width, height and, optional, distortion."""
-    content = read_json(path)
-    missing = [key for key in ("fx", "fy", "cx", "cy", "width", "height") if key not in content]
-    if missing:
-        raise InputError(
-            f"{path}: {', '.join(missing)} missing; a camera needs fx, fy, cx, cy (pixels), "
-            "width and height."
-        )
-    fx, fy, cx, cy = (_number(content[key], f"{path}: {key}") for key in ("fx", "fy", "cx", "cy"))
-    width, height = (_whole(content[key], f"{path}: {key}") for key in ("width", "height"))
-    distortion = content.get("distortion")
-    if distortion is not None:
-        if not isinstance(distortion, list):
-            raise InputError(f"{path}: distortion must be the list [k1, k2, p1, p2, k3].")
-        distortion = tuple(_number(value, f"{path}: distortion") for value in distortion) or None
-    try:
-        return Camera(fx, fy, cx, cy, width, height, distortion)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    """The camera of a file; see `Camera.load`."""
+    return Camera.load(path)
 
 
 def write_camera(path: Path, camera: Camera) -> None:
     """Write a camera.json that `read_camera` reads back exactly."""
+    write_json(path, camera_content(camera))
+
+
+def camera_content(camera: Camera) -> dict[str, Any]:
+    """What a camera.json holds of a camera."""
     content: dict[str, Any] = {
         key: getattr(camera, key) for key in ("fx", "fy", "cx", "cy", "width", "height")
     }
     if camera.distortion is not None:
         content["distortion"] = list(camera.distortion)
-    write_json(path, content)
-
-
-def read_pose(path: Path) -> Pose:
-    """Pose of a pose.json or start.json: rotation 3×3 and translation in metres; float64."""
-    content = read_json(path)
-    missing = [key for key in ("rotation", "translation") if key not in content]
-    if missing:
-        raise InputError(
-            f"{path}: {' and '.join(missing)} missing; a pose needs rotation (3×3) and "
-            "translation (3 numbers, metres)."
-        )
-    pose = Pose.checked(content["rotation"], content["translation"], where=str(path))
-    if pose.batch_shape:
-        raise InputError(f"{path}: one pose expected, found {pose.batch_shape[0]}.")
-    return _not_millimetres(pose, str(path))
-
-
-def write_pose(path: Path, pose: Pose) -> None:
-    """Write a pose.json that `read_pose` reads back exactly."""
-    content = {"rotation": pose.rotation.tolist(), "translation": pose.translation.tolist()}
-    write_json(path, content)
+    if camera.distortion_model != "opencv":
+        content["distortion_model"] = camera.distortion_model
+    if camera.skew:
+        content["skew"] = camera.skew
+    return content
 
 
 class PoseWriter:
@@ -245,26 +214,3 @@ def _optional(text: str | None, where: str) -> float | None:
         return float(text)
     except ValueError:
         raise InputError(f"{where} must be a number, found {text!r}.") from None
-
-
-def _number(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{where} must be a number, found {value!r}.")
-    return float(value)
-
-
-def _whole(value: Any, where: str) -> int:
-    number = _number(value, where)
-    if not number.is_integer():
-        raise InputError(f"{where} must be a whole number, found {value!r}.")
-    return int(number)
-
-
-def _not_millimetres(pose: Pose, where: str) -> Pose:
-    distance = float(pose.translation.norm())
-    if distance > FARTHEST:
-        raise InputError(
-            f"{where}: the object stands {distance:.0f} m away; the translation looks like "
-            "millimetres, divide it by 1000."
-        )
-    return pose

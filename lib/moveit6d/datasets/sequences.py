@@ -18,7 +18,7 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.symmetry import Symmetries
-from .pose_files import PoseRow, by_frame, read_camera, read_pose, read_poses
+from .pose_files import PoseRow, by_frame, read_camera, read_poses
 from .video import FrameSource, ImageList, Prefetched, open_frames
 
 MESH_NAMES = tuple(
@@ -104,7 +104,7 @@ def read_sequence(folder: Path) -> list[Sequence]:
             raise InputError(f"{where} holds no pose.")
         first, start = next(iter(known.items()))
         if not label and (folder / "start.json").exists():
-            first, start = 0, read_pose(folder / "start.json")
+            first, start = 0, Pose.load(folder / "start.json")
         found.append(
             Sequence(
                 name=f"{folder.resolve().name}.{label}" if label else folder.resolve().name,

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from .image_depth import deep_rgb, is_deep, to_rgb8
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
 # A camera that gives nothing this many times in a row is taken to be gone.
@@ -28,7 +29,7 @@ Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
-class Frame:
+class VideoFrame:
     """One frame: its number from 0, its name, and the RGB image (H, W, 3), or else `error`."""
 
     index: int
@@ -51,17 +52,22 @@ class FrameSource(Protocol):
     def fps(self) -> float | None:
         """Frames a second."""
 
-    def __iter__(self) -> Iterator[Frame]: ...
+    def __iter__(self) -> Iterator[VideoFrame]: ...
 
 
 def open_frames(source: str | Path | int) -> FrameSource:
-    """The frames of a folder of images, of a video file, or of the camera with that index.
+    """The frames of a folder, a video file, an address (rtsp://…), or the camera with that index.
 
     Images of a folder come in the order of their names, numbers in names compared as numbers
     (9.png before 10.png). `InputError` if there is nothing to read.
     """
     if isinstance(source, int):
         return LiveCamera(source)
+    if isinstance(source, str) and "://" in source:
+        from .live import NetworkVideo, is_address
+
+        if is_address(source):
+            return NetworkVideo(source)
     path = Path(source)
     if path.is_dir():
         return ImageFolder(path)
@@ -69,23 +75,28 @@ def open_frames(source: str | Path | int) -> FrameSource:
         return VideoFile(path)
     if str(source).isdecimal():
         return LiveCamera(int(str(source)))
-    raise InputError(f"{path} does not exist: give a folder of images, a video or a camera index.")
+    raise InputError(
+        f"{path} does not exist: give a folder of images, a video, an address (rtsp://…, http://…) "
+        "or a camera index."
+    )
 
 
 def read_image(path: Path) -> Image:
-    """One image as RGB (H, W, 3); grey becomes RGB, 16 bits become 8. `InputError` if damaged."""
+    """One image as RGB (H, W, 3); grey becomes RGB, other depths 8 bits (`image_depth`).
+
+    `InputError` if it is damaged or its numbers cannot be read.
+    """
     from PIL import Image as Pillow
     from PIL import ImageOps
 
     try:
         with Pillow.open(path) as opened:
-            picture = ImageOps.exif_transpose(opened)
-            if picture.mode.startswith("I"):  # 16-bit grey
-                grey = np.asarray(picture).astype(np.float64) / 257
-                return np.repeat(grey.clip(0, 255).astype(np.uint8)[..., None], 3, -1)
-            return np.array(picture.convert("RGB"))
+            deep = is_deep(opened)
+            return deep_rgb(path) if deep else to_rgb8(ImageOps.exif_transpose(opened), path)
     except FileNotFoundError:
         raise InputError(f"{path} does not exist.") from None
+    except InputError:
+        raise
     except (OSError, ValueError, SyntaxError, Pillow.DecompressionBombError) as error:
         raise InputError(f"{path} is not a readable image: {error}.") from error
 
@@ -99,12 +110,12 @@ class ImageList:
         self.paths = tuple(paths)
         self.length: int | None = len(self.paths)
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[VideoFrame]:
         for index, path in enumerate(self.paths):
             try:
-                yield Frame(index, path.name, read_image(path))
+                yield VideoFrame(index, path.name, read_image(path))
             except InputError as error:
-                yield Frame(index, path.name, None, str(error))
+                yield VideoFrame(index, path.name, None, str(error))
 
 
 class ImageFolder(ImageList):
@@ -141,11 +152,11 @@ class Prefetched:
         """Frames a second."""
         return self.source.fps
 
-    def __iter__(self) -> Iterator[Frame]:
-        frames: queue.Queue[Frame | BaseException | None] = queue.Queue(self.ahead)
+    def __iter__(self) -> Iterator[VideoFrame]:
+        frames: queue.Queue[VideoFrame | BaseException | None] = queue.Queue(self.ahead)
         given_up = threading.Event()
 
-        def put(item: Frame | BaseException | None) -> bool:
+        def put(item: VideoFrame | BaseException | None) -> bool:
             while not given_up.is_set():
                 try:
                     frames.put(item, timeout=0.1)
@@ -188,7 +199,7 @@ class VideoFile:
             self.length: int | None = stream.frames or None
             self.fps: float | None = float(stream.average_rate) if stream.average_rate else None
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[VideoFrame]:
         import av
 
         index, last = 0, 0.0
@@ -208,19 +219,21 @@ class VideoFile:
                 try:
                     pictures = packet.decode()
                 except av.error.FFmpegError as error:
-                    yield Frame(index, self._name(index), None, f"damaged: {error.strerror}")
+                    yield VideoFrame(index, self._name(index), None, f"damaged: {error.strerror}")
                     index += 1
                     continue
                 for picture in pictures:
                     if picture.time is not None:
                         first = picture.time if first is None else first
                         last = picture.time - first
-                    yield Frame(index, self._name(index), _upright(picture))
+                    yield VideoFrame(index, self._name(index), to_upright_rgb(picture))
                     index += 1
             if broken is not None or self._cut_off(container, stream, index, last):
                 whole = f" of {self.length}" if self.length else ""
                 message = f"{self.path} ends after {index}{whole} frames: cut off or damaged"
-                yield Frame(index, self._name(index), None, f"{message} ({broken or 'no more'}).")
+                yield VideoFrame(
+                    index, self._name(index), None, f"{message} ({broken or 'no more'})."
+                )
 
     def _cut_off(self, container: Any, stream: Any, frames: int, last: float) -> bool:
         """Whether both the promised frames and the promised time are missing.
@@ -258,6 +271,7 @@ class LiveCamera:
     """The frames of the camera with an index, until it is gone or the user stops."""
 
     length: int | None = None
+    live = True
 
     def __init__(self, index: int) -> None:
         import cv2
@@ -266,10 +280,12 @@ class LiveCamera:
         self._device = cv2.VideoCapture(index)
         if not self._device.isOpened():
             raise InputError(f"camera {index} cannot be opened; is it there, and not in use?")
+        sides = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+        self.size = tuple(int(self._device.get(side)) for side in sides)
         rate = self._device.get(cv2.CAP_PROP_FPS)
         self.fps: float | None = rate if rate and rate > 0 else None
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[VideoFrame]:
         index = silent = 0
         try:
             while silent < CAMERA_PATIENCE:
@@ -277,10 +293,10 @@ class LiveCamera:
                 name = f"camera{self.index}#{index:06d}"
                 if there:
                     silent = 0
-                    yield Frame(index, name, np.ascontiguousarray(image[..., ::-1]))
+                    yield VideoFrame(index, name, np.ascontiguousarray(image[..., ::-1]))
                 else:
                     silent += 1
-                    yield Frame(index, name, None, f"camera {self.index} gave no frame.")
+                    yield VideoFrame(index, name, None, f"camera {self.index} gave no frame.")
                 index += 1
         finally:
             self._device.release()
@@ -298,7 +314,8 @@ def _video_stream(container: Any, path: Path) -> Any:
     return container.streams.video[0]
 
 
-def _upright(picture: Any) -> Image:
+def to_upright_rgb(picture: Any) -> Image:
+    """A decoded picture of PyAV's as RGB (H, W, 3), turned as players turn it."""
     image: Image = picture.to_ndarray(format="rgb24")
     quarter_turns = round((picture.rotation or 0) / 90) % 4
     return np.ascontiguousarray(np.rot90(image, quarter_turns)) if quarter_turns else image

@@ -136,11 +136,11 @@ def write_ycbv_scene(
             count += 1
             stem = folder / f"{count:06d}"
             Pillow.fromarray(image).save(f"{stem}-color.png", compress_level=3)
-            listed = [pose.matrix()[:3].numpy() for pose in poses.values()]
+            listed = [pose.matrix[:3].numpy() for pose in poses.values()]
             meta = {
                 "cls_indexes": np.array(list(poses), np.uint8)[:, None],
                 "poses": np.stack(listed, -1) if listed else np.empty((3, 4, 0)),
-                "intrinsic_matrix": camera.matrix().numpy(),
+                "intrinsic_matrix": camera.matrix.numpy(),
                 "factor_depth": np.array([[10000.0]]),
             }
             savemat(f"{stem}-meta.mat", meta, do_compression=True)

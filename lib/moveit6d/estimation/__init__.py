@@ -5,20 +5,23 @@
 Never knows a network, only policies.
 """
 
-from .detector import Detection, DetectorConfig, PoseDetector, SelectionCriterion
+from ..config import SeedDetectorConfig, SelectionCriterion, TrackerConfig
+from .detector import Detection, PoseDetector
 from .estimator import PoseEstimator, refine_single
-from .refine import StopReason, Target, TrackingResult, refine_batch
+from .refine import refine_batch
+from .results import StopReason, Target, TrackingResult
 from .tracker import PoseTracker
 
 __all__ = [
     "Detection",
-    "SelectionCriterion",
+    "SeedDetectorConfig",
     "PoseDetector",
     "PoseEstimator",
     "PoseTracker",
-    "DetectorConfig",
+    "SelectionCriterion",
     "StopReason",
     "Target",
+    "TrackerConfig",
     "TrackingResult",
     "refine_batch",
     "refine_single",

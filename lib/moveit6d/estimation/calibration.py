@@ -2,53 +2,50 @@
 
 A network sees an object a little too large or too small, and on the same side in every frame: its
 mesh's colours, its camera and its light are not quite those of the training. Depth suffers most.
-Never moves a pose.
+Never changes a pose.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import torch
 
 from ..actions import PoseAction, pose_delta
-from ..geometry.mesh import Mesh
-from ..geometry.pose import Pose
-from ..policies import ActionMode, Policy
+from ..config import ActionMode, TrackerConfig
+from ..policies import Policy, mode_of
 from ..rendering.renderer import Renderer
-from .frame import Frame
-from .refine import FINE_SCALE, Target, out_of_sight, refine_batch
-
-PAIRS = 4  # starts on either side of the known pose
-# How far they lie from it, in units: errors at one single pose are half noise.
-AROUND = (1.0, 1.0, 1.0, 1.5, 1.5, 1.5)
-LASTING = 0.6  # of what is found in one frame; the rest belongs to that frame's view of the object
-MOST = 3.0  # units: more than that is no bias but a pose that is not exact, or something in front
+from .refine import refine_starts
+from .results import Start
 
 
-def depth_bias(frame: Frame, mesh: Mesh, pose: Pose, policy: Policy, renderer: Renderer) -> float:
+def depth_bias(exact: Start, policy: Policy, renderer: Renderer, config: TrackerConfig) -> float:
     """By how many units of t_z the policy's updates will lead past the object in later frames.
 
-    Read in a frame where the pose is exact (mesh file's frame); at most `MOST` either way. 0 for a
-    policy of single actions: it has no delta that could be corrected.
+    Read at a start whose pose is exact. 0 in mode single, which has no delta to correct, and
+    without the fine stage.
     """
-    if policy.mode is ActionMode.SINGLE:
+    settings, loop = config.calibration, config.loop
+    if mode_of(policy, loop.mode) is ActionMode.SINGLE or not loop.fine_stage:
         return 0.0
-    centred = mesh.inner(pose.to(torch.float64))
-    diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
-    offsets = np.random.default_rng(0).normal(size=(PAIRS, 6)) * AROUND
+    diameter = torch.tensor(exact.mesh.sphere_diameter, dtype=torch.float64)
+    offsets = np.random.default_rng(0).normal(size=(settings.pairs, 6)) * settings.spread
     starts = [
-        PoseAction.from_delta(torch.from_numpy(offset)).apply_centred(centred, diameter)
-        for offset in np.concatenate([offsets, -offsets])
+        replace(exact, centred=action.apply_centred(exact.centred, diameter), fine=True)
+        for action in map(_action, np.concatenate([offsets, -offsets]))
     ]
-    targets = [
-        Target(frame, frame.camera, mesh, mesh.outer(start), fine=True)
-        for start in starts
-        if out_of_sight(start.translation, mesh.sphere_diameter, frame.camera) is None
-    ]
+    once = replace(loop, max_iterations=1)
     ends = [
-        mesh.inner(result.pose)
-        for result in refine_batch(targets, policy=policy, renderer=renderer, max_iterations=1)
-        if result.pose is not None
+        refined.centred
+        for refined in refine_starts(starts, policy=policy, renderer=renderer, loop=once)
+        if refined.centred is not None
     ]
-    past = [float(pose_delta(centred, end, diameter / FINE_SCALE)[2]) for end in ends]
-    return float(np.clip(LASTING * np.mean(past), -MOST, MOST)) if past else 0.0
+    past = [float(pose_delta(exact.centred, end, diameter / loop.fine_scale)[2]) for end in ends]
+    if not past:
+        return 0.0
+    return float(np.clip(settings.share * np.mean(past), -settings.max_bias, settings.max_bias))
+
+
+def _action(delta: np.ndarray) -> PoseAction:
+    return PoseAction.from_delta(torch.from_numpy(delta))

@@ -1,6 +1,6 @@
-"""After the loop: a result's pose with the outline fitted to the colours.
+"""After the loop: region-based refinement of a result's pose.
 
-Never moves a pose far and never changes how sure the policy is.
+Never moves a pose far and never changes its confidence.
 """
 
 from __future__ import annotations
@@ -8,31 +8,38 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
+from ..config import ContourConfig
 from ..contour import ColourHistograms, refine_contour
 from ..rendering.renderer import Renderer
-from .frame import prepare_frame
-from .refine import Target, TrackingResult
+from .results import Refined, Start
 
 
 def refine_result(
-    target: Target,
-    result: TrackingResult,
+    start: Start,
+    result: Refined,
     renderer: Renderer,
+    config: ContourConfig,
     histograms: ColourHistograms | None = None,
-) -> tuple[TrackingResult, ColourHistograms | None]:
-    """The result for a target after contour refinement, and the colour histograms there.
+) -> tuple[Refined, ColourHistograms | None]:
+    """A start's result after contour refinement, and the colour histograms of the image there.
 
-    `colours` are those of frames before; without them the image's own must do. A failed result
-    stays as it is.
+    `histograms` are those of frames before; without them the image's own must do. A failed result
+    stays as it is, and so does every result if the refinement is not enabled.
     """
-    if result.pose is None:
+    if result.centred is None or not config.enabled:
         return result, None
     begin = time.perf_counter()
-    frame = prepare_frame(target.image, target.camera)
-    given = target.mesh.inner(result.pose)
+    frame = start.frame
     found = refine_contour(
-        frame.pixels, frame.camera.matrix(), target.mesh, given, renderer, histograms
+        frame.pixels,
+        frame.intrinsics,
+        start.mesh,
+        result.centred,
+        renderer,
+        histograms,
+        config,
+        frame.camera.lens,
     )
     spent = (time.perf_counter() - begin) * 1e3
-    pose, milliseconds = target.mesh.outer(found.pose), result.milliseconds + spent
-    return replace(result, pose=pose, milliseconds=milliseconds), found.histograms
+    milliseconds = result.milliseconds + spent
+    return replace(result, centred=found.pose, milliseconds=milliseconds), found.histograms

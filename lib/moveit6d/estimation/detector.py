@@ -6,62 +6,31 @@ Never needs another network or a true pose. Paper, "Initialization & Detection";
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import StrEnum
-from typing import Any
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
 from ..actions import pose_delta
-from ..errors import InputError
+from ..config import MAX_ITERATIONS, ActionMode, SeedDetectorConfig, SelectionCriterion
+from ..frame import Frame, prepare_frame
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
 from ..geometry.rotation_grid import rotation_grid
-from ..policies import ActionMode, Policy, load_policy
-from ..rendering.renderer import Renderer, make_renderer
-from .frame import Frame, prepare_frame
-from .refine import MAX_ITERATIONS, StopReason, Target, TrackingResult, out_of_sight, refine_batch
+from ..policies import Policy, load_policy
+from ..rendering.backends import make_renderer
+from ..rendering.renderer import Renderer
+from ..threads import checked_threads, with_own_threads
+from ..typing import ImageLike
+from .inputs import camera_of, meshes_of
+from .refine import refine_batch
+from .results import StopReason, Target, TrackingResult
 from .seeding import SeedField, Sink, find_sinks, seed_field, seed_poses
 
 BATCH = 32  # loops that run side by side
-
-
-class SelectionCriterion(StrEnum):
-    """How the best of the candidates is told."""
-
-    ITERATIONS = "iterations"  # the paper: the fewest iterations; among equals the shortest path
-    CONFIDENCE = "confidence"  # the policy's confidence in the last pose
-
-
-@dataclass(frozen=True)
-class DetectorConfig:
-    """How thoroughly a `PoseDetector` looks.
-
-    Args:
-        sizes: widths of the object that are tried, in shares of the image's shorter side; the
-            extent of the field's sink then says more.
-        poses: random poses that the seeds are laid out in. The paper has one; the mean of several
-            is much steadier (`seeding.SMOOTHING`).
-        sinks: how many places are looked into: those of the strongest sinks of all sizes, each with
-            every size that has a sink there. The paper has one.
-        rotations: size of the coarse grid over all rotations, at every sink.
-        seed: of the random poses.
-    """
-
-    sizes: tuple[float, ...] = (0.13, 0.2, 0.3)
-    poses: int = 4
-    sinks: int = 3
-    rotations: int = 60
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if not self.sizes or min(self.sizes) <= 0:
-            raise InputError(f"DetectorConfig: sizes must be positive shares, found {self.sizes}.")
-        if min(self.poses, self.sinks, self.rotations) < 1:
-            raise InputError("DetectorConfig: poses, sinks and rotations must be 1 or more.")
+DEFAULT = SeedDetectorConfig()
 
 
 @dataclass(frozen=True)
@@ -109,12 +78,11 @@ class PoseDetector:
     Args:
         mesh: the object.
         camera: the camera, lens distortion included if it has any.
-        criterion: how the best candidate is chosen, see `SelectionCriterion`.
-        config: how thoroughly to search.
-        policy: who decides; the shipped network if None.
+        policy: predicts the pose deltas; the shipped network if None.
         renderer: the back end; embree if None.
-        max_iterations: limit for each candidate; if None `MAX_ITERATIONS` of the policy's mode, but
-            the paper's 30 for criterion `iterations`, which must see the loops end by themselves.
+        config: every other setting.
+        threads: CPU threads of torch and OpenCV while it computes; the caller's if None. More than
+            one gain little and lose much beside other busy processes.
     """
 
     def __init__(
@@ -122,30 +90,27 @@ class PoseDetector:
         mesh: Mesh,
         camera: Camera,
         *,
-        criterion: SelectionCriterion | str = SelectionCriterion.CONFIDENCE,
-        config: DetectorConfig | None = None,
         policy: Policy | None = None,
         renderer: Renderer | None = None,
-        max_iterations: int | None = None,
+        config: SeedDetectorConfig = DEFAULT,
+        threads: int | None = 1,
     ) -> None:
-        if criterion not in list(SelectionCriterion):
-            raise InputError(
-                f"There is no selection criterion {criterion!r}; choose one of "
-                f"{', '.join(SelectionCriterion)}."
-            )
-        self.mesh, self.camera, self.max_iterations = mesh, camera, max_iterations
-        self.criterion, self.config = SelectionCriterion(criterion), config or DetectorConfig()
-        if max_iterations is None and self.criterion is SelectionCriterion.ITERATIONS:
-            self.max_iterations = MAX_ITERATIONS[ActionMode.SINGLE]
+        self.mesh, self.camera = meshes_of([mesh])[0], camera_of(camera)
+        self.config, self.loop, self.threads = config, config.loop, checked_threads(threads)
+        self.criterion = SelectionCriterion(config.criterion)
+        if config.loop.max_iterations is None and self.criterion is SelectionCriterion.ITERATIONS:
+            limit = MAX_ITERATIONS[ActionMode.SINGLE]
+            self.loop = replace(config.loop, max_iterations=limit)
         self.policy: Policy = load_policy() if policy is None else policy
         self.renderer = make_renderer() if renderer is None else renderer
 
-    def detect(self, image: Any) -> Detection:
+    @with_own_threads
+    def detect(self, image: ImageLike | Frame) -> Detection:
         """The object in an RGB image (H, W, 3); it is taken to be there.
 
         Raises `InputError` if the image does not fit the camera.
         """
-        frame = prepare_frame(image, self.camera)
+        frame = prepare_frame(image, self.camera).undistorted
         fields = self.seed(frame)
         found = [sink for field in fields for sink in find_sinks(field, 2 * self.config.sinks)]
         places = strongest(found, self.config.sinks)
@@ -153,9 +118,10 @@ class PoseDetector:
         best = best_of(candidates, self.criterion)
         return Detection(None if best is None else best.result, fields, places, candidates)
 
-    def seed(self, image: Any) -> tuple[SeedField, ...]:
+    @with_own_threads
+    def seed(self, image: ImageLike | Frame) -> tuple[SeedField, ...]:
         """The fields of one iteration from seeds all over the image, one a size."""
-        frame = prepare_frame(image, self.camera)
+        frame = prepare_frame(image, self.camera).undistorted
         generator = torch.Generator().manual_seed(self.config.seed)
         turns = random_rotations(self.config.poses, generator)
         side = min(self.camera.width, self.camera.height)
@@ -164,16 +130,14 @@ class PoseDetector:
             for share in self.config.sizes
         )
 
-    def try_rotations(self, image: Any, sinks: Sequence[Sink]) -> tuple[Candidate, ...]:
+    @with_own_threads
+    def try_rotations(
+        self, image: ImageLike | Frame, sinks: Sequence[Sink]
+    ) -> tuple[Candidate, ...]:
         """Loops from a coarse grid over all rotations at every sink, in batches."""
-        frame = prepare_frame(image, self.camera)
+        frame = prepare_frame(image, self.camera).undistorted
         grid = rotation_grid(self.config.rotations)
-        starts = [
-            (sink, pose)
-            for sink in sinks
-            for pose in self._poses(sink, grid, frame)
-            if out_of_sight(pose.translation, self.mesh.sphere_diameter, frame.camera) is None
-        ]
+        starts = [(sink, pose) for sink in sinks for pose in self._poses(sink, grid, frame)]
         found = []
         for begin in range(0, len(starts), BATCH):
             part = starts[begin : begin + BATCH]
@@ -181,7 +145,7 @@ class PoseDetector:
                 [Target(frame, self.camera, self.mesh, self.mesh.outer(pose)) for _, pose in part],
                 policy=self.policy,
                 renderer=self.renderer,
-                max_iterations=self.max_iterations,
+                loop=self.loop,
             )
             found += [
                 Candidate(sink, self.mesh.outer(pose), result, self._path_length(pose, result))

@@ -7,17 +7,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
+from ..config import ActionMode, LoopConfig, TrackerConfig
+from ..frame import Frame, prepare_frame
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..policies import ActionMode, DihedralAugmentation, Policy, load_policy
-from ..rendering.renderer import Renderer, make_renderer
+from ..policies import DihedralAugmentation, Policy, load_policy, mode_of
+from ..rendering.backends import make_renderer
+from ..rendering.renderer import Renderer
+from ..threads import checked_threads, with_own_threads
+from ..typing import ImageLike
 from .contour_stage import refine_result
-from .frame import prepare_frame
+from .inputs import camera_of, meshes_of, pose_of
 from .multi_start import refine_multi_start
-from .refine import Target, TrackingResult, refine_batch
+from .refine import refine_starts
+from .results import Refined, Start, Target, TrackingResult, starts_of
+from .visibility import check_start
+
+DEFAULT = TrackerConfig()
 
 
 class PoseEstimator:
@@ -26,11 +34,11 @@ class PoseEstimator:
     Args:
         mesh: the object.
         camera: the camera, lens distortion included if it has any.
-        policy: who decides; the shipped network if None.
+        policy: predicts the pose deltas; the shipped network if None.
         renderer: the back end; embree if None.
-        max_iterations: `MAX_ITERATIONS` of the policy's mode if None.
-        multi_start: while the confidence is low, refine from perturbed starts as well.
-        contour: region-based refinement of the pose after the policy's iterations.
+        config: every other setting.
+        threads: CPU threads of torch and OpenCV while it computes; the caller's if None. More than
+            one gain little and lose much beside other busy processes.
     """
 
     def __init__(
@@ -40,28 +48,26 @@ class PoseEstimator:
         *,
         policy: Policy | None = None,
         renderer: Renderer | None = None,
-        max_iterations: int | None = None,
-        multi_start: bool = True,
-        contour: bool = True,
+        config: TrackerConfig = DEFAULT,
+        threads: int | None = 1,
     ) -> None:
-        self.mesh, self.camera, self.max_iterations = mesh, camera, max_iterations
-        self.multi_start, self.contour = multi_start, contour
+        self.mesh, self.camera, self.config = meshes_of([mesh])[0], camera_of(camera), config
+        self.threads = checked_threads(threads)
         self.policy: Policy = load_policy() if policy is None else policy
         self.renderer = make_renderer() if renderer is None else renderer
 
-    def refine(self, image: Any, pose: Pose) -> TrackingResult:
+    @with_own_threads
+    def refine(self, image: ImageLike | Frame, pose: Pose) -> TrackingResult:
         """The pose in an RGB image (H, W, 3) near `pose`; both in the mesh file's frame.
 
-        Raises `InputError` if the image does not fit the camera or the pose is out of sight.
+        Raises `InputError` if the image does not fit the camera or the camera cannot see the object
+        at that pose.
         """
-        target = Target(prepare_frame(image, self.camera), self.camera, self.mesh, pose)
+        frame, pose = prepare_frame(image, self.camera), pose_of(pose)
+        check_start(pose, self.mesh, frame.camera)
+        target = Target(frame, self.camera, self.mesh, pose)
         return refine_single(
-            [target],
-            policy=self.policy,
-            renderer=self.renderer,
-            max_iterations=self.max_iterations,
-            multi_start=self.multi_start,
-            contour=self.contour,
+            [target], policy=self.policy, renderer=self.renderer, config=self.config
         )[0]
 
 
@@ -70,50 +76,51 @@ def refine_single(
     *,
     policy: Policy,
     renderer: Renderer,
-    max_iterations: int | None = None,
-    multi_start: bool = True,
-    contour: bool = True,
+    config: TrackerConfig = DEFAULT,
 ) -> list[TrackingResult]:
     """`PoseEstimator.refine` for many targets at once, of any objects and images.
 
-    Where the loop ends, a policy of all axes has one more close look, at the picture laid in all
-    ways (`DihedralAugmentation`): a video has other frames to average over, a single image has not.
+    A target whose object the camera cannot see gives a failed result. After the loop a policy of
+    all axes makes one more iteration with test-time augmentation: a video has other frames to
+    average over, a single image has not.
     """
-    refine = refine_multi_start if multi_start else refine_batch
-    results = refine(targets, policy=policy, renderer=renderer, max_iterations=max_iterations)
-    if policy.mode is ActionMode.ALL_AXES:
-        results = _look_again(targets, results, policy, renderer)
-    if not contour:
-        return results
+    starts = starts_of(targets)
+    refined = refine_multi_start(starts, policy=policy, renderer=renderer, config=config)
+    if config.loop.augment and mode_of(policy, config.loop.mode) is ActionMode.ALL_AXES:
+        refined = _augmented(starts, refined, policy, renderer, config.loop)
     return [
-        refine_result(target, result, renderer)[0]
-        for target, result in zip(targets, results, strict=True)
+        refine_result(start, one, renderer, config.contour)[0].result(start.mesh)
+        for start, one in zip(starts, refined, strict=True)
     ]
 
 
-def _look_again(
-    targets: Sequence[Target], results: Sequence[TrackingResult], policy: Policy, renderer: Renderer
-) -> list[TrackingResult]:
-    """The results after one more close look each; one that fails then stays as it was."""
+def _augmented(
+    starts: Sequence[Start],
+    results: Sequence[Refined],
+    policy: Policy,
+    renderer: Renderer,
+    loop: LoopConfig,
+) -> list[Refined]:
+    """The results after one augmented iteration each; one that fails then stays as it was."""
     found = list(results)
     ends = [
-        (i, replace(target, pose=result.pose, fine=True))
-        for i, (target, result) in enumerate(zip(targets, results, strict=True))
-        if result.pose is not None
+        (i, replace(start, centred=result.centred, fine=True))
+        for i, (start, result) in enumerate(zip(starts, results, strict=True))
+        if result.centred is not None
     ]
-    again = refine_batch(
+    again = refine_starts(
         [end for _, end in ends],
         policy=DihedralAugmentation(policy),
         renderer=renderer,
-        max_iterations=1,
+        loop=replace(loop, max_iterations=1),
     )
-    for (i, _), look in zip(ends, again, strict=True):
-        if look.pose is not None:
+    for (i, _), last in zip(ends, again, strict=True):
+        if last.centred is not None:
             found[i] = replace(
                 found[i],
-                pose=look.pose,
-                confidence=look.confidence,
+                centred=last.centred,
+                confidence=last.confidence,
                 iterations=found[i].iterations + 1,
-                milliseconds=found[i].milliseconds + look.milliseconds,
+                milliseconds=found[i].milliseconds + last.milliseconds,
             )
     return found

@@ -17,12 +17,12 @@ WIDTH_ERROR = 1.5
 LIMIT = 0.1  # of the diameter: ADD's usual limit
 
 
-def localizability(pose: Pose, mesh: Mesh, camera: Camera) -> float:
-    """Chance that a pose which looks right is within a tenth of the diameter of where it should be.
+def localizability(centred: Pose, mesh: Mesh, camera: Camera) -> float:
+    """Probability that a pose which looks right is within a tenth of the diameter of the truth.
 
     An object at distance Z, f d / Z pixels wide, that is taken to be one pixel wider is taken to be
-    Z² / (f d) nearer; of the six axes this one decides. `pose` is in the mesh file's frame.
+    Z² / (f d) nearer; of the six axes this one decides. The pose is centred.
     """
-    distance = float(mesh.inner(pose).translation[2])
+    distance = float(centred.translation[2])
     nearer = WIDTH_ERROR * distance**2 / (camera.fx * mesh.diameter)
     return math.erf(LIMIT * mesh.diameter / (nearer * math.sqrt(2)))

@@ -1,80 +1,81 @@
-"""Looking around: other starts where the network does not believe its end.
+"""Multi-start refinement: other starts where the confidence is low.
 
-Never touches a pose that is sure, and never looks farther than starts usually err.
+Never replaces a result by a less confident one.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import torch
 
-from ..policies import ActionMode, Policy
+from ..actions import PoseAction
+from ..config import ActionMode, PerturbationConfig, TrackerConfig
+from ..geometry.mesh import Mesh
+from ..geometry.pose import Pose
+from ..policies import Policy, mode_of
 from ..rendering.renderer import Renderer
-from .refine import Target, TrackingResult, out_of_sight, refine_batch
-from .track_state import HIGH_CONFIDENCE, PerturbationConfig, sample_perturbation
-
-BATCH = 32  # starts at once: memory
-
-
-# Where else to start, around the given pose and around the one that was come to, and how often.
-AROUND_START = PerturbationConfig(6, (15.0, 15.0, 8.0), (5.0, 20.0))
-AROUND_RESULT = PerturbationConfig(4, (3.0, 3.0, 3.0), (2.0, 6.0), fine=True)
-ROUNDS = 2
+from .refine import refine_starts
+from .results import Refined, Start
 
 
 def refine_multi_start(
-    targets: Sequence[Target],
-    *,
-    policy: Policy,
-    renderer: Renderer,
-    max_iterations: int | None = None,
-) -> list[TrackingResult]:
-    """`refine_batch` for single images, and a search for every target whose end is in doubt."""
-    results = refine_batch(targets, policy=policy, renderer=renderer, max_iterations=max_iterations)
-    if not supports_multi_start(policy):
+    starts: Sequence[Start], *, policy: Policy, renderer: Renderer, config: TrackerConfig
+) -> list[Refined]:
+    """The loop for single images, and perturbed starts for every result of low confidence."""
+    results = refine_starts(starts, policy=policy, renderer=renderer, loop=config.loop)
+    if not uses_multi_start(policy, config):
         return results
-    random = [np.random.default_rng(0) for _ in targets]
-    for _ in range(ROUNDS):
+    random = [np.random.default_rng(0) for _ in starts]
+    for _ in range(config.multi_start.rounds):
         others = [
-            _others(*one) if one[1].confidence < HIGH_CONFIDENCE else []
-            for one in zip(targets, results, random, strict=True)
+            _others(start, result, generator, config)
+            if result.confidence < config.high_confidence
+            else []
+            for start, result, generator in zip(starts, results, random, strict=True)
         ]
-        results = most_confident(
-            results, others, policy=policy, renderer=renderer, max_iterations=max_iterations
-        )
+        results = most_confident(results, others, policy=policy, renderer=renderer, config=config)
     return results
 
 
-def supports_multi_start(policy: Policy) -> bool:
-    """Whether a policy looks around at all; one of single actions, the paper's, does not."""
-    return policy.mode is not ActionMode.SINGLE
+def uses_multi_start(policy: Policy, config: TrackerConfig) -> bool:
+    """Whether other starts are tried at all; the paper's single actions do without."""
+    mode = mode_of(policy, config.loop.mode)
+    return config.multi_start.enabled and mode is not ActionMode.SINGLE
 
 
 def most_confident(
-    results: Sequence[TrackingResult],
-    others: Sequence[Sequence[Target]],
+    results: Sequence[Refined],
+    others: Sequence[Sequence[Start]],
     *,
     policy: Policy,
     renderer: Renderer,
-    max_iterations: int | None = None,
-) -> list[TrackingResult]:
-    """Each result, or where one of its other starts ends if the policy believes that more.
+    config: TrackerConfig,
+    race: bool = False,
+) -> list[Refined]:
+    """Each result, or that of one of its other starts if it is more confident.
 
-    `steps` are those of the loop that ended there; `milliseconds` include the others' loops.
+    With `race` only the most confident of the other starts goes on after one iteration.
+    `iterations` are those of the loop that ended there; `milliseconds` include the others' loops.
     """
     begin = time.perf_counter()
     found = list(results)
-    starts = [(i, target) for i, some in enumerate(others) for target in some]
-    for first in range(0, len(starts), BATCH):
-        owners, targets = zip(*starts[first : first + BATCH], strict=True)
-        ends = refine_batch(
-            targets, policy=policy, renderer=renderer, max_iterations=max_iterations
+    starts = [(i, start) for i, some in enumerate(others) for start in some]
+    for first in range(0, len(starts), config.multi_start.batch_size):
+        part = starts[first : first + config.multi_start.batch_size]
+        owners = [i for i, _ in part]
+        ends = refine_starts(
+            [start for _, start in part],
+            policy=policy,
+            renderer=renderer,
+            loop=config.loop,
+            groups=owners if race else None,
         )
-        for i, end in zip(owners, ends, strict=True):
-            if end.pose is not None and end.confidence > found[i].confidence:
+        for i, end in zip(dict.fromkeys(owners) if race else owners, ends, strict=True):
+            if end.centred is not None and end.confidence > found[i].confidence:
                 found[i] = end
     spent = (time.perf_counter() - begin) * 1e3
     return [
@@ -83,20 +84,37 @@ def most_confident(
     ]
 
 
-def _others(target: Target, result: TrackingResult, random: np.random.Generator) -> list[Target]:
-    """Other starts for a target in a single image."""
-    others = list(perturbed_targets(target, AROUND_START, random))
-    if result.pose is not None:
-        others += perturbed_targets(replace(target, pose=result.pose), AROUND_RESULT, random)
+def _others(
+    start: Start, result: Refined, random: np.random.Generator, config: TrackerConfig
+) -> list[Start]:
+    """Other starts in a single image."""
+    if result.error is not None and result.iterations == 0:
+        return []  # the given start cannot be seen
+    others = perturbed_starts(start, config.multi_start.around_start, random)
+    if result.centred is not None:
+        here = replace(start, centred=result.centred)
+        others += perturbed_starts(here, config.multi_start.around_result, random)
     return others
 
 
-def perturbed_targets(
-    target: Target, config: PerturbationConfig, random: np.random.Generator
-) -> Iterator[Target]:
-    """The target from places around its pose, as far as the camera can see the object there."""
-    mesh = target.mesh
-    for _ in range(config.count):
-        pose = sample_perturbation(mesh, target.pose, random, config)
-        if out_of_sight(mesh.inner(pose).translation, mesh.sphere_diameter, target.camera) is None:
-            yield replace(target, pose=pose, fine=config.fine)
+def perturbed_starts(
+    start: Start, around: PerturbationConfig, random: np.random.Generator
+) -> list[Start]:
+    """Random starts around one."""
+    poses = sample_perturbations(start.mesh, start.centred, random, around)
+    return [replace(start, centred=pose, fine=around.fine) for pose in poses]
+
+
+def sample_perturbations(
+    mesh: Mesh, centred: Pose, random: np.random.Generator, around: PerturbationConfig
+) -> list[Pose]:
+    """Random centred poses around another one."""
+    diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
+    found = []
+    for _ in range(around.count):
+        axis = random.normal(size=3)
+        axis *= random.uniform(*around.turn) / np.linalg.norm(axis)
+        delta = np.concatenate([random.uniform(-1, 1, 3) * around.shift, axis])
+        action = PoseAction.from_delta(torch.from_numpy(delta))
+        found.append(action.apply_centred(centred, diameter))
+    return found

@@ -15,16 +15,17 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from ..config import ActionMode
 from ..errors import InputError
+from ..frame import Frame
 from ..geometry.camera import Camera
-from ..geometry.crop import View, crop_patch, look_at, patch_to_image
+from ..geometry.crop import View, look_at, patch_to_image
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..networks.policy_output import PolicyOutput
-from ..observation import Observation, observe
-from ..policies import ActionMode, LoopState, Policy
-from ..rendering.renderer import GBuffer, Renderer
-from .frame import Frame
+from ..observation import observe_shared
+from ..policies import LoopState, Policy
+from ..rendering.renderer import Renderer
 
 BATCH = 32  # seeds a pass of the network: larger ones hardly gain and cost memory
 SPACING = 0.4  # of the seeds, in widths of the object as it is seeded
@@ -115,7 +116,7 @@ def _moves(
     moves, confidences = [], []
     for rows in torch.split(torch.arange(len(pixels)), BATCH):
         part = View(view.rotation[rows], view.intrinsics[rows], view.distance[rows])
-        observation = _observe(frame, gbuffer, part, diameter[rows])
+        observation = observe_shared(frame, gbuffer, part, diameter[rows])
         state = LoopState(pose[rows], diameter[rows], torch.zeros_like(rows))
         prediction = policy.predict(observation, state)
         moves.append(_in_image(planar_move(prediction, policy.mode), part, frame.camera))
@@ -130,9 +131,7 @@ def seed_poses(
 
     `rotation` (3, 3) or (N, 3, 3) is the object's as seen along the ray through the pixel.
     """
-    focal = pixels.new_tensor([camera.fx, camera.fy])
-    offset = (pixels - pixels.new_tensor([camera.cx, camera.cy])) / focal
-    ray = functional.normalize(torch.cat([offset, torch.ones_like(offset[:, :1])], 1), dim=1)
+    ray = functional.normalize(camera.unproject(pixels), dim=1)
     place = ray * (camera.fx * sphere_diameter / size)
     turned = Pose(rotation.expand(len(pixels), 3, 3), place)
     view = look_at(turned, torch.full((len(pixels),), sphere_diameter, dtype=torch.float64))
@@ -218,27 +217,9 @@ def spacing(centres: Tensor) -> float:
     return float(centres[0, 1, 0] - centres[0, 0, 0])
 
 
-def _one(view: View, row: int) -> View:
-    return View(view.rotation[row], view.intrinsics[row], view.distance[row])
-
-
-def _observe(frame: Frame, gbuffer: GBuffer, view: View, diameter: Tensor) -> Observation:
-    """Crops at every seed of a batch beside the one rendering."""
-    count = len(diameter)
-    matrix = frame.camera.matrix()
-    patches = torch.stack([crop_patch(frame.pixels, _one(view, k), matrix) for k in range(count)])
-    shared = GBuffer(
-        gbuffer.albedo.expand(count, -1, -1, -1),
-        gbuffer.normal.expand(count, -1, -1, -1),
-        gbuffer.depth.expand(count, -1, -1, -1),
-        gbuffer.mask.expand(count, -1, -1, -1),
-    )
-    return observe(patches, shared, view, diameter)
-
-
 def _in_image(moves: Tensor, view: View, camera: Camera) -> Tensor:
     """Unit vectors (B, 2) in the image for moves (B, 2) in the patches; zero stays zero."""
-    back = patch_to_image(view, camera.matrix().expand(len(moves), 3, 3))
+    back = patch_to_image(view, camera.matrix.expand(len(moves), 3, 3))
     middle = view.intrinsics[:, :2, 2]
     start = _mapped(back, middle)
     direction = functional.normalize(moves, dim=1)

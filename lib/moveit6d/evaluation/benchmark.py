@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from ..datasets.pose_files import RESULT_COLUMNS, PoseRow, PoseWriter
 from ..datasets.sequences import Sequence
-from ..datasets.video import Frame
+from ..datasets.video import VideoFrame
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
@@ -24,9 +24,9 @@ from .run_tracker import TrackedFrame, calibrating
 from .track_scores import EvaluationPoints, Score, read_track, score
 
 if TYPE_CHECKING:
-    from ..estimation import PoseTracker
+    from ..estimation import PoseTracker, TrackingResult
 
-MakeTracker = Callable[[Mesh, Camera, Pose], "PoseTracker"]
+MakeTracker = Callable[[Mesh, Camera, Pose], "PoseTracker[TrackingResult]"]
 # Of our own tracks: what every result has, and what a report of it needs.
 OWN_COLUMNS = (*RESULT_COLUMNS, "steps", "stopped_by", "confidence", "reset")
 
@@ -43,7 +43,7 @@ def run_sequence(
     frame, and does not follow it.
     """
     tracker = make_tracker(sequence.load_mesh(), sequence.camera, sequence.start)
-    frames: Iterable[Frame] = (f for f in sequence.open() if f.index >= sequence.first)
+    frames: Iterable[VideoFrame] = (f for f in sequence.open() if f.index >= sequence.first)
     if calibrate:
         frames = calibrating(tracker, frames)
     later = (frame for frame in frames if frame.index > sequence.first)

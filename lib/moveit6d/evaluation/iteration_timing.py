@@ -1,7 +1,7 @@
-"""Times the parts of one cycle: crop, render, observe, network, move.
+"""Times the parts of one iteration: crop, render, observe, network, move.
 
 Never judges poses. Each part is called as the loop calls it; `whole` is the loop itself, limited to
-one cycle, so that what the parts leave out shows.
+one iteration, so that what the parts leave out shows.
 """
 
 from __future__ import annotations
@@ -14,24 +14,26 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from ..config import LoopConfig
 from ..estimation import Target, refine_batch
-from ..estimation.frame import prepare_frame
+from ..frame import prepare_frame
 from ..geometry.crop import View, crop_patch, view_of
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3
-from ..observation import observe
+from ..observation import assemble
 from ..policies import LoopState, Policy, to_action
 from ..rendering.renderer import Renderer
 from .default_camera import CAMERA
 
+ONCE = LoopConfig(max_iterations=1)
 PARTS = ("crop", "render", "observe", "network", "move")
 WARM_UP = 5
 
 
 @dataclass(frozen=True)
 class IterationTimes:
-    """Median milliseconds of each of `PARTS`, of their sum, and of a whole cycle of the loop."""
+    """Median milliseconds of each of `PARTS`, of their sum, and of one whole iteration."""
 
     parts: dict[str, float]
     total: float
@@ -44,9 +46,9 @@ def time_iteration(
     renderer: Renderer,
     rounds: Iterable[object],
 ) -> IterationTimes:
-    """Time cycles on one object, seen from another side each time, in a frame of 640 × 480.
+    """Time iterations on one object, seen from another side each time, in a frame of 640 × 480.
 
-    One cycle a round; the first `WARM_UP` rounds are not counted.
+    One iteration a round; the first `WARM_UP` rounds are not counted.
     """
     random = np.random.default_rng(0)
     image = random.integers(0, 256, (CAMERA.height, CAMERA.width, 3), np.uint8)
@@ -61,7 +63,7 @@ def time_iteration(
         taken.append(_time_parts(mesh, centred, frame.pixels, policy, renderer))
         begin = time.perf_counter()
         target = Target(frame, CAMERA, mesh, mesh.outer(centred[0]))
-        refine_batch([target], policy=policy, renderer=renderer, max_iterations=1)
+        refine_batch([target], policy=policy, renderer=renderer, loop=ONCE)
         wholes.append(1e3 * (time.perf_counter() - begin))
     table = np.array(taken[WARM_UP:])
     medians = dict(zip(PARTS, np.median(table, 0).tolist(), strict=True))
@@ -69,20 +71,20 @@ def time_iteration(
     return IterationTimes(medians, total, float(np.median(wholes[WARM_UP:])))
 
 
-@torch.inference_mode()  # as the loop's own cycles
+@torch.inference_mode()  # as the loop's own iterations
 def _time_parts(
     mesh: Mesh, pose: Pose, pixels: torch.Tensor, policy: Policy, renderer: Renderer
 ) -> list[float]:
-    """Milliseconds of the parts of one cycle, in the order of `PARTS`."""
+    """Milliseconds of the parts of one iteration, in the order of `PARTS`."""
     diameter = torch.tensor([mesh.sphere_diameter], dtype=torch.float64)
     moments = [time.perf_counter()]
     view = view_of(pose, diameter, policy.crop)
     alone = View(view.rotation[0], view.intrinsics[0], view.distance[0])
-    patch = crop_patch(pixels, alone, CAMERA.matrix())
+    patch = crop_patch(pixels, alone, CAMERA.matrix)
     moments.append(time.perf_counter())
     gbuffer = renderer.render([mesh], view.to_virtual(pose), view.intrinsics)
     moments.append(time.perf_counter())
-    seen = observe(patch[None], gbuffer, view, diameter)
+    seen = assemble(patch[None], gbuffer, view, diameter)
     moments.append(time.perf_counter())
     prediction = policy.predict(seen, LoopState(pose, diameter, torch.arange(1)))
     moments.append(time.perf_counter())

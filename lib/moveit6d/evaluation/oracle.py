@@ -11,16 +11,17 @@ import numpy as np
 import torch
 
 from ..actions import PoseAction, pose_delta
+from ..config import ActionMode, LoopConfig
 from ..estimation import Target, refine_batch
 from ..geometry.mesh import Mesh, sphere_diameters
 from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
-from ..policies import ActionMode, OraclePolicy
+from ..policies import OraclePolicy
 from ..rendering.renderer import Renderer
 from ..synthesis.training.clusters import ClusterConfig, draw_delta
 from .default_camera import CAMERA
 
-MAX_ITERATIONS = 200  # the largest start is 135 single steps away
+LOOP = LoopConfig(max_iterations=200)  # the largest start is 135 single steps away
 BATCH = 25
 
 
@@ -46,9 +47,7 @@ def oracle_errors(
             Target(image, CAMERA, mesh, mesh.outer(start[i])) for i, mesh in enumerate(chosen)
         ]
         policy = OraclePolicy(truth, mode)
-        results = refine_batch(
-            targets, policy=policy, renderer=renderer, max_iterations=MAX_ITERATIONS
-        )
+        results = refine_batch(targets, policy=policy, renderer=renderer, loop=LOOP)
         for i, result in enumerate(results):
             if result.pose is None:
                 yield float("inf")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from ..datasets.pose_files import RESULT_COLUMNS, PoseRow
-from ..datasets.video import Frame
+from ..datasets.video import VideoFrame
 from ..errors import InputError
 from ..geometry.pose import Pose
 from .metrics import (
@@ -26,7 +26,7 @@ from .metrics import (
 from .run_tracker import TrackedFrame, run_tracker
 
 if TYPE_CHECKING:
-    from ..estimation import PoseTracker
+    from ..estimation import PoseTracker, TrackingResult
 
 # `stopped_by` of a frame whose pose was given, so that its error says nothing.
 GIVEN = "reset"
@@ -42,7 +42,7 @@ class Protocol:
         name: what tables and options call it.
         reset_every: give the true pose in every frame whose number this divides; None never.
         reset_on: whose rule says that a track is lost; None no one's.
-        max_steps: cycles a frame at most in the published runs. Whoever makes the tracker decides.
+        max_iterations: limit a frame in the published runs. Whoever makes the tracker decides.
     """
 
     name: str
@@ -73,7 +73,10 @@ def is_given(row: PoseRow) -> bool:
 
 
 def follow_protocol(
-    tracker: PoseTracker, frames: Iterable[Frame], truth: Mapping[int, Pose], protocol: Protocol
+    tracker: PoseTracker[TrackingResult],
+    frames: Iterable[VideoFrame],
+    truth: Mapping[int, Pose],
+    protocol: Protocol,
 ) -> Iterator[TrackedFrame]:
     """One step a frame, as `follow` makes them; `row.reset` marks frames with a reset.
 
@@ -120,7 +123,7 @@ class _LavalWatch:
         return self.bad > LAVAL_PATIENCE
 
 
-def _reset(tracker: PoseTracker, true: Pose) -> bool:
+def _reset(tracker: PoseTracker[TrackingResult], true: Pose) -> bool:
     """Set the tracker to the truth; False where the camera cannot see the object there."""
     try:
         tracker.reset(true)

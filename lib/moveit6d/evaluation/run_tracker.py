@@ -12,15 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..config import TrackerConfig
 from ..datasets.pose_files import PoseRow
-from ..datasets.video import Frame
+from ..datasets.video import VideoFrame
 from ..errors import InputError
-from ..estimation.track_state import LOW_CONFIDENCE
 from .metrics import LOST_RUN
 
 if TYPE_CHECKING:
-    from ..estimation import PoseTracker
+    from ..estimation import PoseTracker, TrackingResult
 
+LOW_CONFIDENCE = TrackerConfig().low_confidence
 FAILED = "failed"
 KEPT_FAILURES = 100
 
@@ -29,7 +30,7 @@ KEPT_FAILURES = 100
 class TrackedFrame:
     """One frame and the row of poses.csv for it; `error` says why a frame has no pose."""
 
-    frame: Frame
+    frame: VideoFrame
     row: PoseRow
     error: str | None = None
 
@@ -39,7 +40,9 @@ class TrackedFrame:
         return self.row.pose is not None and (self.row.confidence or 0.0) >= LOW_CONFIDENCE
 
 
-def calibrating(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Frame]:
+def calibrating(
+    tracker: PoseTracker[TrackingResult], frames: Iterable[VideoFrame]
+) -> Iterator[VideoFrame]:
     """The frames, from the first of which the tracker learns: its start pose is exact there.
 
     A first frame that it cannot learn from is passed on like the others, for `follow` to say why.
@@ -51,13 +54,15 @@ def calibrating(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[Frame
         yield frame
 
 
-def run_tracker(tracker: PoseTracker, frames: Iterable[Frame]) -> Iterator[TrackedFrame]:
+def run_tracker(
+    tracker: PoseTracker[TrackingResult], frames: Iterable[VideoFrame]
+) -> Iterator[TrackedFrame]:
     """One step a frame, in order. A bad frame gives a row without a pose; the track goes on."""
     for frame in frames:
         if frame.image is None:
             yield TrackedFrame(frame, _failed(frame), frame.error or "no image.")
             continue
-        result = tracker.update(frame.image)[0]
+        result = tracker.update(frame.image)
         if result.pose is None or result.stopped_by.value == FAILED:
             yield TrackedFrame(frame, _failed(frame), result.error or "no pose.")
             continue
@@ -82,7 +87,7 @@ class TrackSummary:
     failures: list[dict[str, object]] = field(default_factory=list)
     milliseconds: list[float] = field(default_factory=list)
     lost_from: int | None = None
-    _doubtful: int = 0
+    _low_confidence_run: int = 0
 
     def add(self, step: TrackedFrame) -> None:
         """Take note of one more frame."""
@@ -93,8 +98,8 @@ class TrackSummary:
                 self.failures.append({"frame": step.frame.index, "error": step.error})
         if step.row.milliseconds is not None:
             self.milliseconds.append(step.row.milliseconds)
-        self._doubtful = 0 if step.confident else self._doubtful + 1
-        if self._doubtful == LOST_RUN and self.lost_from is None:
+        self._low_confidence_run = 0 if step.confident else self._low_confidence_run + 1
+        if self._low_confidence_run == LOST_RUN and self.lost_from is None:
             self.lost_from = step.frame.index - LOST_RUN + 1
 
     def facts(self) -> dict[str, object]:
@@ -110,5 +115,5 @@ class TrackSummary:
         }
 
 
-def _failed(frame: Frame) -> PoseRow:
+def _failed(frame: VideoFrame) -> PoseRow:
     return PoseRow(frame=frame.index, image=frame.name, stopped_by=FAILED)

@@ -15,6 +15,7 @@ from kornia.geometry.transform import warp_perspective
 from torch import Tensor
 
 from ..actions import PoseAction
+from ..config import ContourConfig, MultiStartConfig, TrackerConfig
 from ..estimation import Target, TrackingResult, refine_single
 from ..geometry.crop import PADDING, View, crop_homography, look_at
 from ..geometry.mesh import Mesh
@@ -27,6 +28,9 @@ from ..synthesis.training.clusters import ClusterConfig, draw_delta
 from .default_camera import CAMERA
 from .metrics import add
 
+LOOP_ONLY = TrackerConfig(
+    multi_start=MultiStartConfig(enabled=False), contour=ContourConfig(enabled=False)
+)
 FINE = 320  # pixels of the patch in which the object is rendered before it is put in the picture
 
 
@@ -82,10 +86,8 @@ def run_cases(
     cases: Sequence[Case],
     policy: Policy,
     renderer: Renderer,
-    max_iterations: int | None = None,
+    config: TrackerConfig = LOOP_ONLY,
     batch: int = 16,
-    multi_start: bool = False,
-    contour: bool = False,
 ) -> Iterator[RefinedCase]:
     """Refine the cases in batches, as `PoseEstimator` does, and measure them."""
     points: dict[Mesh, Tensor] = {}
@@ -96,9 +98,7 @@ def run_cases(
             targets,
             policy=policy,
             renderer=renderer,
-            max_iterations=max_iterations,
-            multi_start=multi_start,
-            contour=contour,
+            config=config,
         )
         for case, result in zip(part, results, strict=True):
             mesh = case.target.mesh
@@ -153,7 +153,7 @@ def _put(
 
         width = 2 * int(2 * scale) + 1
         layer = gaussian_blur2d(layer, (width, width), (0.45 * scale, 0.45 * scale))
-    back = torch.linalg.inv(crop_homography(fine, CAMERA.matrix()))[None].float()
+    back = torch.linalg.inv(crop_homography(fine, CAMERA.matrix))[None].float()
     warped: Tensor = warp_perspective(
         layer, back, (CAMERA.height, CAMERA.width), align_corners=True
     )[0]

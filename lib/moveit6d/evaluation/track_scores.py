@@ -69,7 +69,7 @@ class Score:
     """Figures of one sequence. Shares are of 1, lengths in metres.
 
     `until_lost` counts frames from the start, frames + 1 for a track that is never lost;
-    `milliseconds` and `steps`, cycles of the loop, are the median frame's, None if nobody counted.
+    `milliseconds` and `iterations` are the median frame's, None if nobody counted.
     """
 
     frames: int

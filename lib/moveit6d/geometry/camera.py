@@ -1,4 +1,4 @@
-"""The camera: pinhole intrinsics, image size and, for real lenses, the distortion to be undone.
+"""The camera: pinhole intrinsics, image size and, for real lenses, the distortion.
 
 Never knows poses or meshes. Pixel (0, 0) is the centre of the top-left pixel, so an image of width
 w reaches from −0.5 to w − 0.5; this is the half-pixel rule that `resize` and `crop` obey.
@@ -8,19 +8,30 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import torch
+from kornia.geometry.camera import project_points, unproject_points
 from torch import Tensor
 
 from ..errors import InputError
+from .lens import DistortionModel, Lens, checked_lens
+
+LARGEST = 100_000  # pixels a side
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Intrinsics in pixels: u = fx·x/z + cx, v = fy·y/z + cy for an image of width × height.
+    """Intrinsics in pixels: u = fx·x/z + skew·y/z + cx, v = fy·y/z + cy for width × height.
 
-    `distortion` holds OpenCV's (k1, k2, p1, p2, k3) or None. Everything but `undistort` works on
-    the pinhole part: undistort the image first and go on with the camera that it returns.
+    `distortion` holds OpenCV's coefficients in its order (4, 5, 8, 12 or 14 of them; the 4 of its
+    fisheye with `distortion_model="fisheye"`), or None; any list or array of them will do. With a
+    lens, x/z and y/z are what it makes of them. `InputError` where a number cannot be right.
+
+    >>> Camera(600, 600, 319.5, 239.5, 640, 480, [-0.1, 0.01, 0, 0]).distortion
+    (-0.1, 0.01, 0.0, 0.0)
     """
 
     fx: float
@@ -30,29 +41,144 @@ class Camera:
     width: int
     height: int
     distortion: tuple[float, ...] | None = None
+    distortion_model: DistortionModel = "opencv"
+    skew: float = 0.0
 
     def __post_init__(self) -> None:
-        numbers = [self.fx, self.fy, self.cx, self.cy, *(self.distortion or ())]
+        for name in ("fx", "fy", "cx", "cy", "skew"):
+            object.__setattr__(self, name, _number(getattr(self, name), name))
+        for name in ("width", "height"):
+            object.__setattr__(self, name, _whole(getattr(self, name), name))
+        object.__setattr__(self, "distortion", _coefficients(self.distortion))
+        numbers = [self.fx, self.fy, self.cx, self.cy, self.skew, *(self.distortion or ())]
         if not all(math.isfinite(number) for number in numbers):
             raise InputError("Camera: every intrinsic must be a finite number.")
         if self.fx <= 0 or self.fy <= 0:
             raise InputError(f"Camera: fx and fy must be positive, found {self.fx}, {self.fy}.")
-        if self.width < 1 or self.height < 1:
+        if not (1 <= self.width <= LARGEST and 1 <= self.height <= LARGEST):
             raise InputError(f"Camera: size {self.width}×{self.height} is not an image size.")
-        if self.distortion is not None and len(self.distortion) != 5:
-            raise InputError(
-                "Camera: distortion must be k1, k2, p1, p2, k3; "
-                f"found {len(self.distortion)} values."
-            )
+        if self.distortion is not None:
+            checked_lens(self.distortion_model, self.distortion)
+        elif self.distortion_model != "opencv":
+            raise InputError(f"Camera: the {self.distortion_model} lens needs its coefficients.")
 
+    @staticmethod
+    def load(path: str | Path) -> Camera:
+        """The camera of a file: our JSON, ROS camera_info (YAML, JSON), OpenCV YAML or XML.
+
+        RealSense's and Kalibr's names are understood too (`camera_files`). A key that is not is
+        an `InputError` that names it: a lens left out without a word is a wrong pose.
+        """
+        from .camera_files import read_camera_file
+
+        return read_camera_file(Path(path))
+
+    @staticmethod
+    def from_matrix(
+        matrix: Any,
+        width: int,
+        height: int,
+        distortion: Any = None,
+        distortion_model: DistortionModel = "opencv",
+    ) -> Camera:
+        """From K (3, 3) and the distortion as OpenCV's and ROS' calibrations give them.
+
+        Lists and arrays of any float type and shape: K (3, 3) or its nine numbers, distortion
+        (N,), (1, N) or (N, 1). `InputError` for anything that is no such matrix.
+
+        >>> Camera.from_matrix([[600, 0, 320], [0, 610, 240], [0, 0, 1]], 640, 480).fy
+        610.0
+        """
+        k = _array(matrix, "the intrinsic matrix")
+        if k.shape not in ((3, 3), (9,)):
+            raise InputError(f"Camera: the intrinsic matrix must be 3×3, found shape {k.shape}.")
+        k = k.reshape(3, 3)
+        if k[1, 0] or not np.array_equal(k[2], [0.0, 0.0, 1.0]):
+            raise InputError(
+                "Camera: an intrinsic matrix has the rows (fx, skew, cx), (0, fy, cy), (0, 0, 1), "
+                f"found {k.tolist()}."
+            )
+        return Camera(
+            k[0, 0], k[1, 1], k[0, 2], k[1, 2], width, height,
+            distortion, distortion_model, k[0, 1],
+        )  # fmt: skip
+
+    @staticmethod
+    def from_fov(degrees: float, width: int, height: int) -> Camera:
+        """A guess where nothing is known: the field of view along the image's longer side.
+
+        Square pixels, the axis through the middle, no distortion. A phone's main camera has about
+        65 to 75 degrees in photos and a few less in videos.
+
+        >>> round(Camera.from_fov(90, 640, 480).fx)
+        320
+        """
+        if not 1 <= degrees <= 170:
+            raise InputError(
+                f"Camera: the field of view is {degrees} degrees; a pinhole has 1 to 170."
+            )
+        focal = 0.5 * max(width, height) / math.tan(math.radians(degrees) / 2)
+        return Camera(focal, focal, (width - 1) / 2, (height - 1) / 2, width, height)
+
+    @property
+    def lens(self) -> Lens | None:
+        """The distortion; None if there is none."""
+        if self.distortion is None:
+            return None
+        if self.distortion_model == "opencv" and not any(self.distortion):
+            return None
+        return Lens(self.distortion_model, self.distortion)
+
+    @property
+    def pinhole(self) -> Camera:
+        """The same camera without its lens."""
+        return replace(self, distortion=None, distortion_model="opencv")
+
+    @property
     def matrix(self) -> Tensor:
         """The intrinsic matrix K, float64 (3, 3)."""
-        rows = [[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]]
+        rows = [[self.fx, self.skew, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]]
         return torch.tensor(rows, dtype=torch.float64)
 
     def project(self, points: Tensor) -> Tensor:
-        """Pinhole projection of points in the camera's frame: (..., 3) metres → (..., 2) pixels."""
-        return project(points, self.matrix().to(points))
+        """Pixels of points in the camera's frame, through the lens: (..., 3) metres → (..., 2).
+
+        Points on the camera's plane (z = 0) have no pixel and give NaN.
+
+        >>> import torch
+        >>> Camera(600, 600, 320, 240, 640, 480).project(torch.tensor([0.1, 0.0, 0.5]))
+        tensor([440., 240.])
+        """
+        flat = points.reshape(-1, 3)
+        plane = flat[:, :2] / flat[:, 2:]
+        if self.lens is not None:
+            plane = self.lens.distort(plane)
+        # kornia leaves the skew out: a shear of the plane before it is the same.
+        x, y = plane.unbind(-1)
+        sheared = torch.stack([x + self.skew / self.fx * y, y, torch.ones_like(x)], -1)
+        pixels: Tensor = project_points(sheared, self.matrix.to(points).expand(len(flat), 3, 3))
+        pixels = pixels.where(flat[:, 2:] != 0, torch.nan)
+        return pixels.reshape(*points.shape[:-1], 2)
+
+    def unproject(self, pixels: Tensor, depth: Tensor | float = 1.0) -> Tensor:
+        """Points in the camera's frame behind pixels (..., 2) at a depth z: (..., 3) metres.
+
+        `depth` (...) is a number or broadcasts against the pixels. Of a pinhole camera: undo the
+        lens first (`undistort`), or it is an `InputError`.
+
+        >>> import torch
+        >>> Camera(600, 600, 320, 240, 640, 480).unproject(torch.tensor([440.0, 240.0]), 0.5)
+        tensor([0.1000, 0.0000, 0.5000])
+        """
+        if self.lens is not None:
+            raise InputError("Camera.unproject: undo the lens first, with Camera.undistort.")
+        flat = pixels.reshape(-1, 2)
+        z = torch.as_tensor(depth).to(pixels).expand(pixels.shape[:-1]).reshape(-1, 1)
+        matrix = self.matrix.to(pixels).expand(len(flat), 3, 3)
+        points: Tensor = unproject_points(flat, z, matrix)
+        x, y, forward = points.unbind(-1)
+        points = torch.stack([x - self.skew / self.fx * y, y, forward], -1)
+        return points.reshape(*pixels.shape[:-1], 3)
 
     def resize(self, width: int, height: int) -> Camera:
         """The camera of the same picture resampled to width × height (half-pixel rule)."""
@@ -63,6 +189,7 @@ class Camera:
             fy=self.fy * y,
             cx=(self.cx + 0.5) * x - 0.5,
             cy=(self.cy + 0.5) * y - 0.5,
+            skew=self.skew * x,
             width=width,
             height=height,
         )
@@ -74,29 +201,66 @@ class Camera:
     def undistort(self, image: Tensor) -> tuple[Tensor, Camera]:
         """Undo the lens: (..., C, H, W) image as this camera would see it without distortion.
 
-        Returns the image (the same one if there is no distortion) and the pinhole camera.
+        Returns the image (the same one if there is no distortion) and the pinhole camera. The map
+        is kept for the next image of this camera.
         """
-        if self.distortion is None or not any(self.distortion):
-            return image, replace(self, distortion=None)
-        from kornia.geometry.calibration import undistort_image  # here: rarely needed
+        lens = self.lens
+        if lens is None:
+            return image, self.pinhole
+        import cv2
 
-        batch = image.reshape(-1, *image.shape[-3:])
-        floating = batch if batch.is_floating_point() else batch.float()
-        matrix = self.matrix().to(floating)[None].expand(len(batch), 3, 3)
-        coefficients = floating.new_tensor(self.distortion)[None].expand(len(batch), 5)
-        undone = undistort_image(floating, matrix, coefficients)
-        if not batch.is_floating_point():
-            undone = undone.round().clamp(0, 255)
-        return undone.to(batch.dtype).reshape(image.shape), replace(self, distortion=None)
+        maps = lens.undistortion_maps(self.matrix.numpy(), self.width, self.height)
+        undone = []
+        for one in image.reshape(-1, *image.shape[-3:]):
+            pixels = np.ascontiguousarray(one.detach().permute(1, 2, 0).numpy())
+            flat = cv2.remap(pixels, *maps, cv2.INTER_LINEAR)
+            undone.append(torch.from_numpy(flat.reshape(pixels.shape)).permute(2, 0, 1))
+        return torch.stack(undone).reshape(image.shape).contiguous(), self.pinhole
 
 
 def project(points: Tensor, intrinsics: Tensor) -> Tensor:
     """Pixels of points in the camera's frame: (..., N, 3) or (..., 3), K (..., 3, 3) → (..., 2).
 
-    Points on the camera's plane (z = 0) have no pixel and give infinities.
+    The fast twin of `Camera.project`, for one camera or a batch of intrinsics. Points on the
+    camera's plane (z = 0) give infinities.
     """
     focal = torch.stack([intrinsics[..., 0, 0], intrinsics[..., 1, 1]], -1)
-    centre = intrinsics[..., :2, 2]
+    centre, skew = intrinsics[..., :2, 2], intrinsics[..., 0, 1, None]
     if points.dim() > focal.dim():
-        focal, centre = focal[..., None, :], centre[..., None, :]
-    return points[..., :2] / points[..., 2:] * focal + centre
+        focal, centre, skew = focal[..., None, :], centre[..., None, :], skew[..., None, :]
+    plane = points[..., :2] / points[..., 2:]
+    sheared = torch.cat([skew * plane[..., 1:], torch.zeros_like(plane[..., 1:])], -1)
+    return plane * focal + sheared + centre
+
+
+def _array(values: Any, what: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+    if isinstance(values, Tensor):
+        values = values.detach().cpu().numpy()
+    try:
+        return np.asarray(values, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"Camera: {what} must be numbers, found {values!r:.80}.") from None
+
+
+def _number(value: Any, name: str) -> float:
+    number = _array(value, name)
+    if number.size != 1:
+        raise InputError(f"Camera: {name} must be one number, found shape {number.shape}.")
+    return float(number.reshape(()))
+
+
+def _whole(value: Any, name: str) -> int:
+    number = _number(value, name)
+    if not number.is_integer():
+        raise InputError(f"Camera: {name} must be a whole number, found {value!r}.")
+    return int(number)
+
+
+def _coefficients(values: Any) -> tuple[float, ...] | None:
+    """The distortion as a tuple; OpenCV hands it over as (1, N) or (N, 1), ROS perhaps empty."""
+    if values is None:
+        return None
+    array = _array(values, "distortion")
+    if array.ndim > 2 or max(array.shape, default=1) != array.size:
+        raise InputError(f"Camera: distortion must be a list of numbers, found {array.shape}.")
+    return tuple(float(value) for value in array.reshape(-1)) or None

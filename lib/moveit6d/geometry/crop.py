@@ -6,26 +6,29 @@ sphere `PATCH_SIZE / PADDING` pixels wide; in its frame every object stands at (
 
 The axis-parallel crop, which others use, is a square cut out of the image: its camera is not turned
 and the square's middle is the object's. An object away from the image's middle then looks turned
-and slanted. It is here to be compared with (docs/training.md).
+and slanted. It is here to be compared with (docs/experiments/training.md).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import Literal
+from typing import Any, Literal
 
 import torch
 from kornia.geometry.transform import remap
 from torch import Tensor
 
+from .lens import Lens
 from .pose import Pose
 
 PATCH_SIZE = 128
 PADDING = 1.4
 # Width of the bounding sphere in the patch, pixels: b in the units of the actions.
 OBJECT_SIZE = PATCH_SIZE / PADDING
+FAR = -1e6  # pixels: outside of every image
 
 Crop = Literal["look_at", "axis_parallel"]
 
@@ -133,64 +136,104 @@ def crop_patches(images: Tensor, view: View, intrinsics: Tensor) -> Tensor:
     return _sample(images, patch_to_image(view, intrinsics))
 
 
-def crop_patch(image: Tensor, view: View, intrinsics: Tensor) -> Tensor:
+def crop_patch(image: Tensor, view: View, intrinsics: Tensor, lens: Lens | None = None) -> Tensor:
     """One anti-aliased float patch (C, 128, 128) in [0, 1] of a uint8 or float image (C, H, W).
 
     Only the window that the patch sees is touched; if it is finer than the patch it is averaged
-    over blocks of whole pixels first. `view` and `intrinsics` are unbatched.
+    over blocks of whole pixels first. `view` and `intrinsics` are unbatched. With a `lens` the
+    patch shows what a pinhole would have seen: the image itself need not be undistorted.
     """
     back = patch_to_image(view, intrinsics)
     finer = float(intrinsics[0, 0] / view.intrinsics[0, 0])  # image pixels a patch pixel
     factor = max(1, min(int(1.2 * finer), *image.shape[-2:]))
-    window, (left, top) = _window(image, back, factor)
+    pixels = None if lens is None else patch_pixels(view, intrinsics, lens)
+    seen = _extent(back) if pixels is None else [plane.aminmax() for plane in pixels]
+    window, (left, top) = _window(image, seen, factor)
     scale = 1.0 if window.is_floating_point() else 1 / 255
     window = window.to(torch.float32)
     if factor > 1:
         # Sums of slices: ten times faster here than torch's pooling.
         window = reduce(torch.add, [window[..., k::factor, :] for k in range(factor)])
         window = reduce(torch.add, [window[..., k::factor] for k in range(factor)])
+    window = (window * (scale / factor**2))[None]
     # Half-pixel rule: the first block's centre is (factor − 1) / 2 pixels into the window.
     offset = back.new_tensor([left + (factor - 1) / 2, top + (factor - 1) / 2])
+    if pixels is not None:
+        u, v = ((plane - start) / factor for plane, start in zip(pixels, offset, strict=True))
+        patch: Tensor = remap(window, u[None].float(), v[None].float(), align_corners=True)
+        return patch[0]
     moved = back.clone()
     moved[:2] = (back[:2] - offset[:, None] * back[2]) / factor
-    return _sample((window * (scale / factor**2))[None], moved[None])[0]
+    return _sample(window, moved[None])[0]
+
+
+def patch_pixels(view: View, intrinsics: Tensor, lens: Lens | None = None) -> tuple[Tensor, Tensor]:
+    """Where each pixel of an unbatched view's patch lies in the image: u and v (128, 128), float64.
+
+    Rays that the lens does not show, and those behind the camera, lie far outside.
+    """
+    if lens is not None:
+        turn, virtual, matrix = (
+            one.double().numpy() for one in (view.rotation, view.intrinsics, intrinsics)
+        )
+        u, v = lens.patch_map(turn, virtual, matrix, PATCH_SIZE)
+        return torch.from_numpy(u).double(), torch.from_numpy(v).double()
+    x, y, z = _back(patch_to_image(view, intrinsics)[None])
+    if float(z.min()) <= 0:
+        x, z = torch.where(z > 0, x, FAR), torch.where(z > 0, z, 1.0)
+    return (x / z)[0], (y / z)[0]
 
 
 def _sample(images: Tensor, back: Tensor) -> Tensor:
     """Images (B, C, H, W) at the places that homographies (B, 3, 3) send patch pixels to."""
-    line = torch.arange(PATCH_SIZE, dtype=back.dtype, device=back.device)
-    # Each patch pixel (x, y, 1) on its way back to the image: a row, a column and a constant.
-    rows = back[:, :, 1, None] * line + back[:, :, 2, None]  # (B, 3, 128)
-    columns = back[:, :, 0, None] * line
-    x, y, z = (rows[..., None] + columns[:, :, None]).unbind(1)  # (B, 128, 128) each
+    x, y, z = _back(back)
     u, v = (x / z).to(images.dtype), (y / z).to(images.dtype)
     patches: Tensor = remap(images, u, v, align_corners=True)
     return patches
 
 
-def _window(image: Tensor, back: Tensor, factor: int) -> tuple[Tensor, tuple[int, int]]:
-    """The part of the image that the patch sees, and its corner (left, top).
+def _back(back: Tensor) -> tuple[Tensor, ...]:
+    """The image's homogeneous pixels (B, 128, 128), three of them, for all pixels of patches."""
+    line = torch.arange(PATCH_SIZE, dtype=back.dtype, device=back.device)
+    # Each patch pixel (x, y, 1) on its way back to the image: a row, a column and a constant.
+    rows = back[:, :, 1, None] * line + back[:, :, 2, None]  # (B, 3, 128)
+    columns = back[:, :, 0, None] * line
+    return (rows[..., None] + columns[:, :, None]).unbind(1)  # (B, 128, 128) each
 
-    At least one pixel, and in whole blocks of `factor` pixels where the image is large enough.
+
+def _extent(back: Tensor) -> list[tuple[float, float]]:
+    """Lowest and highest u and v of the image that a patch sees; all of it behind the camera."""
+    edge = float(PATCH_SIZE)
+    seen = [[a * x + b * y + c for x in (-1.0, edge) for y in (-1.0, edge)] for a, b, c in
+            back.tolist()]  # fmt: skip
+    if min(seen[2]) <= 0:
+        return [(-math.inf, math.inf)] * 2
+    places = [[x / z for x, z in zip(line, seen[2], strict=True)] for line in seen[:2]]
+    return [(min(line), max(line)) for line in places]
+
+
+def _window(
+    image: Tensor, seen: Sequence[tuple[Any, Any]], factor: int
+) -> tuple[Tensor, tuple[int, int]]:
+    """The part of the image between the lowest and highest u and v, and its corner (left, top).
+
+    In whole blocks of `factor` pixels where the image is large enough.
     """
     height, width = image.shape[-2:]
-    edge = float(PATCH_SIZE)
-    seen = [
-        [a * x + b * y + c for x in (-1.0, edge) for y in (-1.0, edge)] for a, b, c in back.tolist()
-    ]
-    if min(seen[2]) <= 0:  # the patch reaches behind the camera: keep the whole image
-        return image[..., : _whole(height, factor), : _whole(width, factor)], (0, 0)
-    u = [x / z for x, z in zip(seen[0], seen[2], strict=True)]
-    v = [y / z for y, z in zip(seen[1], seen[2], strict=True)]
-    left, right = _span(min(u), max(u), width, factor)
-    top, bottom = _span(min(v), max(v), height, factor)
+    left, right = _span(*seen[0], width, factor)
+    top, bottom = _span(*seen[1], height, factor)
     return image[..., top:bottom, left:right], (left, top)
 
 
-def _span(low: float, high: float, size: int, factor: int) -> tuple[int, int]:
-    """First pixel and end of the whole blocks between `low` and `high` within `size` pixels."""
-    start = min(max(math.floor(low) - factor, 0), max(size - factor, 0))
-    end = max(min(math.ceil(high) + factor + 1, size), start + 1)
+def _span(low: Any, high: Any, size: int, factor: int) -> tuple[int, int]:
+    """First pixel and end of the whole blocks between `low` and `high` within `size` pixels.
+
+    A block more on either side, since bilinear sampling reaches beyond the outermost places; and
+    two at least, since kornia counts from the first pixel to the last.
+    """
+    low, high = (min(max(float(end), -1.0), float(size)) for end in (low, high))
+    start = min(max(math.floor(low) - factor, 0), max(size - 2 * factor, 0))
+    end = min(max(math.ceil(high) + factor + 1, start + 2 * factor), size)
     return start, start + _whole(end - start, factor)
 
 

@@ -7,20 +7,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from ..errors import InputError
-from .rotation import nearest_rotation
+from ..io import read_json, write_json
+from .rotation import exp_so3, from_quaternion, log_so3, nearest_rotation, to_quaternion
 
 # A published rotation may be off by this much (largest entry of R Rᵀ − I) and is then projected.
 ORTHONORMAL_TOLERANCE = 0.05
+# Metres: no object that fills a crop stands farther away; such a translation is in millimetres.
+FARTHEST = 100.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Pose:
     """Object → camera, OpenCV axes (x right, y down, z forward), metres: X_cam = R X_obj + t.
 
@@ -32,6 +36,9 @@ class Pose:
     translation: Tensor
 
     def __post_init__(self) -> None:
+        for name in ("rotation", "translation"):
+            if not isinstance(getattr(self, name), Tensor):
+                object.__setattr__(self, name, _numbers(getattr(self, name), "Pose", name))
         shape = self.translation.shape[:-1]
         if self.rotation.shape != (*shape, 3, 3) or self.translation.shape[-1:] != (3,):
             raise InputError(
@@ -46,9 +53,97 @@ class Pose:
         return Pose(rotation, torch.zeros(*batch, 3, dtype=dtype))
 
     @staticmethod
-    def from_matrix(matrix: Tensor) -> Pose:
-        """From homogeneous matrices (..., 4, 4)."""
-        return Pose(matrix[..., :3, :3], matrix[..., :3, 3])
+    def from_matrix(matrix: Any) -> Pose:
+        """From homogeneous matrices (..., 4, 4).
+
+        A tensor is taken as it is, so that gradients flow; an array or nested lists are checked as
+        `checked` does, and become float64.
+        """
+        if isinstance(matrix, Tensor):
+            return Pose(matrix[..., :3, :3], matrix[..., :3, 3])
+        numbers = _numbers(matrix, "Pose.from_matrix", "matrix")
+        if numbers.shape[-2:] != (4, 4):
+            raise InputError(f"Pose.from_matrix: found shape {tuple(numbers.shape)}, not 4×4.")
+        if (numbers[..., 3, :] - numbers.new_tensor([0.0, 0.0, 0.0, 1.0])).abs().max() > 1e-6:
+            raise InputError(
+                "Pose.from_matrix: the last row must be 0, 0, 0, 1; is the matrix transposed?"
+            )
+        return Pose.checked(numbers[..., :3, :3], numbers[..., :3, 3], "Pose.from_matrix")
+
+    @staticmethod
+    def from_quaternion(quaternion: Any, translation: Any, order: Literal["xyzw", "wxyz"]) -> Pose:
+        """From quaternions (..., 4) and translations (..., 3) in metres, float64.
+
+        `order` says where the real part is: xyzw in ROS and SciPy, wxyz in many data sets.
+        `InputError` unless the quaternions are of about unit length.
+
+        >>> Pose.from_quaternion([0, 0, 0, 1], [0, 0, 0.5], order="xyzw")
+        Pose(translation=[0.0000, 0.0000, 0.5000] m, rotation=[0.00, 0.00, 0.00] deg)
+        """
+        if order not in ("xyzw", "wxyz"):
+            raise InputError(
+                f"Pose.from_quaternion: the order is {order!r}, must be 'xyzw' or 'wxyz'."
+            )
+        q = _numbers(quaternion, "Pose.from_quaternion", "quaternion")
+        if q.shape[-1:] == (1,) and q.shape[-2:-1] == (4,):
+            q = q[..., 0]
+        if q.shape[-1:] != (4,) or not torch.isfinite(q).all():
+            raise InputError(
+                "Pose.from_quaternion: a quaternion has 4 finite numbers, found shape "
+                f"{tuple(q.shape)}."
+            )
+        off = (q.norm(dim=-1) - 1).abs().amax()
+        if off > ORTHONORMAL_TOLERANCE:
+            raise InputError(
+                f"Pose.from_quaternion: a quaternion must have length 1, this one is off by "
+                f"{off.item():.3g}."
+            )
+        wxyz = q.roll(1, -1) if order == "xyzw" else q
+        rotation = from_quaternion(torch.nn.functional.normalize(wxyz, dim=-1))
+        return Pose.checked(rotation, translation, "Pose.from_quaternion")
+
+    @staticmethod
+    def from_rvec(rvec: Any, tvec: Any) -> Pose:
+        """From a rotation vector and a translation as `cv2.solvePnP` gives them, float64.
+
+        (..., 3), or (3, 1) and (1, 3); radians and metres.
+        """
+        vectors = []
+        for name, values in (("rvec", rvec), ("tvec", tvec)):
+            numbers = _numbers(values, "Pose.from_rvec", name)
+            numbers = numbers.reshape(3) if numbers.shape in ((3, 1), (1, 3)) else numbers
+            if numbers.shape[-1:] != (3,) or not torch.isfinite(numbers).all():
+                raise InputError(
+                    f"Pose.from_rvec: {name} must be 3 finite numbers, found shape "
+                    f"{tuple(numbers.shape)}."
+                )
+            vectors.append(numbers)
+        return Pose.checked(exp_so3(vectors[0]), vectors[1], "Pose.from_rvec")
+
+    @staticmethod
+    def load(path: str | Path) -> Pose:
+        """The pose of a pose.json: `rotation` 3×3 and `translation` in metres; float64.
+
+        `InputError` names the file and what is wrong with it.
+        """
+        content = read_json(Path(path))
+        missing = [key for key in ("rotation", "translation") if key not in content]
+        if missing:
+            raise InputError(
+                f"{path}: {' and '.join(missing)} missing; a pose needs rotation (3×3) and "
+                "translation (3 numbers, metres)."
+            )
+        pose = Pose.checked(content["rotation"], content["translation"], where=str(path))
+        if pose.batch_shape:
+            raise InputError(f"{path}: one pose expected, found {pose.batch_shape[0]}.")
+        return in_metres(pose, str(path))
+
+    def save(self, path: str | Path) -> None:
+        """Write a pose.json that `load` reads back exactly."""
+        if self.batch_shape:
+            raise InputError(f"{path}: a pose.json holds one pose, not {tuple(self.batch_shape)}.")
+        content = {"rotation": self.rotation.tolist(), "translation": self.translation.tolist()}
+        write_json(Path(path), content)
 
     @staticmethod
     def stack(poses: Sequence[Pose]) -> Pose:
@@ -62,13 +157,16 @@ class Pose:
     def checked(rotation: Any, translation: Any, where: str = "pose") -> Pose:
         """A float64 pose from any numbers, or an `InputError` that names `where` they came from.
 
-        `rotation` is (..., 3, 3) or flat (..., 9) row-major. Rotations that are slightly off (as
+        `rotation` is (..., 3, 3) or flat (..., 9) row-major, `translation` (..., 3) or the column
+        (..., 3, 1) that OpenCV gives. Rotations that are slightly off (as
         published ones sometimes are) are projected onto SO(3); singular, left-handed, scaled or
         non-finite ones are refused.
         """
         r, t = _numbers(rotation, where, "rotation"), _numbers(translation, where, "translation")
         if r.shape[-2:] != (3, 3) and r.shape[-1:] == (9,):
             r = r.reshape(*r.shape[:-1], 3, 3)
+        if t.shape == (*r.shape[:-2], 3, 1):
+            t = t[..., 0]
         if r.shape[-2:] != (3, 3) or t.shape != (*r.shape[:-2], 3):
             raise InputError(
                 f"{where}: the rotation must be 3×3 and the translation 3 numbers, "
@@ -91,6 +189,17 @@ class Pose:
             )
         return Pose(nearest_rotation(r), t)
 
+    def __repr__(self) -> str:
+        """Translation in metres and rotation vector in degrees, or the batch shape."""
+        if self.batch_shape:
+            return f"Pose(batch of {tuple(self.batch_shape)}, {self.translation.dtype})"
+        turn = torch.rad2deg(log_so3(self.rotation.detach())).tolist()
+        place = self.translation.detach().tolist()
+        return (
+            f"Pose(translation=[{', '.join(f'{v:.4f}' for v in place)}] m, "
+            f"rotation=[{', '.join(f'{v:.2f}' for v in turn)}] deg)"
+        )
+
     @property
     def batch_shape(self) -> torch.Size:
         """The leading shape that rotation and translation share."""
@@ -103,11 +212,17 @@ class Pose:
         """Part of the batch, indexed as a tensor's leading axes are."""
         return Pose(self.rotation[index], self.translation[index])
 
+    @property
     def matrix(self) -> Tensor:
         """Homogeneous matrices (..., 4, 4)."""
         top = torch.cat([self.rotation, self.translation[..., None]], -1)
         bottom = top.new_tensor([0.0, 0.0, 0.0, 1.0]).expand(*self.batch_shape, 1, 4)
         return torch.cat([top, bottom], -2)
+
+    def quaternion(self, order: Literal["xyzw", "wxyz"]) -> Tensor:
+        """Unit quaternions (..., 4), the real part not negative; see `from_quaternion`."""
+        wxyz = to_quaternion(self.rotation)
+        return wxyz.roll(-1, -1) if order == "xyzw" else wxyz
 
     def inverse(self) -> Pose:
         """Camera → object."""
@@ -139,3 +254,14 @@ def _numbers(values: Any, where: str, name: str) -> Tensor:
         return torch.from_numpy(np.array(values, dtype=np.float64))
     except (TypeError, ValueError):
         raise InputError(f"{where}: the {name} must be numbers, found {values!r}.") from None
+
+
+def in_metres(pose: Pose, where: str) -> Pose:
+    """The pose itself; `InputError` for a translation that must be in millimetres."""
+    distance = float(pose.translation.norm())
+    if distance > FARTHEST:
+        raise InputError(
+            f"{where}: the object stands {distance:.0f} m away; the translation looks like "
+            "millimetres, divide it by 1000."
+        )
+    return pose

@@ -6,6 +6,7 @@ Never knows translations, cameras or units other than radians.
 from __future__ import annotations
 
 import torch
+from kornia.geometry.conversions import quaternion_to_rotation_matrix
 from torch import Tensor
 
 
@@ -77,19 +78,14 @@ def random_rotations(count: int, generator: torch.Generator | None = None) -> Te
 
 def from_quaternion(quaternion: Tensor) -> Tensor:
     """Rotations of unit quaternions (w, x, y, z): (..., 4) → (..., 3, 3)."""
-    w, x, y, z = quaternion.unbind(-1)
-    rows = [
-        1 - 2 * (y * y + z * z),
-        2 * (x * y - z * w),
-        2 * (x * z + y * w),
-        2 * (x * y + z * w),
-        1 - 2 * (x * x + z * z),
-        2 * (y * z - x * w),
-        2 * (x * z - y * w),
-        2 * (y * z + x * w),
-        1 - 2 * (x * x + y * y),
-    ]
-    return torch.stack(rows, -1).reshape(*quaternion.shape[:-1], 3, 3)
+    rotation: Tensor = quaternion_to_rotation_matrix(quaternion)
+    return rotation
+
+
+def to_quaternion(rotation: Tensor) -> Tensor:
+    """Unit quaternions (w, x, y, z), w not negative, of rotations: (..., 3, 3) → (..., 4)."""
+    quaternion = _quaternion(rotation)
+    return torch.where(quaternion[..., :1] < 0, -quaternion, quaternion)
 
 
 def _quaternion(rotation: Tensor) -> Tensor:

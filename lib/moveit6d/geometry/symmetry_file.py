@@ -24,7 +24,9 @@ def symmetries_beside(mesh: Path) -> Symmetries:
     if own.is_file():
         info = _object(own)
         if not any(key in info for key in KEYS):
-            raise InputError(f"{own} has neither {KEYS[0]} nor {KEYS[1]}; see docs/training.md.")
+            raise InputError(
+                f"{own} has neither {KEYS[0]} nor {KEYS[1]}; see docs/how-to/own-object.md."
+            )
         return Symmetries.from_bop(info)
     number = re.fullmatch(r"obj_(\d+)", mesh.stem)
     whole = mesh.with_name("models_info.json")

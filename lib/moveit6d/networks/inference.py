@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from torch.nn.utils import convert_conv2d_weight_memory_format
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
+from ..errors import InputError
 from ..observation import Observation
 from .action_net import ActionNet
 from .bfloat16 import Bfloat16Convolutions
@@ -38,48 +39,77 @@ def is_bfloat16_fast() -> bool:
     return bool(capabilities.get("amx_bf16", False))
 
 
+def checked_device(device: str | torch.device) -> torch.device:
+    """The device; `InputError` if this machine or this build of torch does not have it."""
+    try:
+        found = torch.device(device)
+        torch.empty(1, device=found)
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).splitlines()[0].rstrip(".")
+        raise InputError(
+            f"The network cannot run on device {str(device)!r}: {reason}; choose 'cpu'."
+        ) from None
+    return found
+
+
 class InferenceNetwork:
     """Observation → prediction without gradients.
 
     Batch normalisation is folded into the convolutions, which compute with the numbers that
     `compute` names: `auto` is bfloat16 where `is_bfloat16_fast`. Small batches, where a third of
-    the time would be Python's, run as a TorchScript trace of the same network.
+    the time would be Python's, run as a TorchScript trace of the same network. `device` is where it
+    runs; observations come from the CPU and answers go back there.
     """
 
-    def __init__(self, network: PoseNet, compute: Compute = "auto") -> None:
-        network = folded(network)
-        self.is_bfloat16 = compute == "bfloat16" or (compute == "auto" and is_bfloat16_fast())
+    def __init__(
+        self,
+        network: PoseNet,
+        compute: Compute = "auto",
+        device: str | torch.device = "cpu",
+    ) -> None:
+        self.device = checked_device(device)
+        network = folded(network).to(self.device)
+        on_cpu = self.device.type == "cpu"
+        auto = compute == "auto" and on_cpu and is_bfloat16_fast()
+        self.is_bfloat16 = compute == "bfloat16" or auto
         if self.is_bfloat16:
-            _to_bfloat16(network)
+            _to_bfloat16(network, pack=on_cpu)
         self.folded = _Plain(network).eval()
         self._traces: dict[int, Callable[..., Answer]] = {}
 
     @torch.inference_mode()
     def __call__(self, observation: Observation) -> PolicyOutput:
-        """Decide for a batch."""
-        tensors = (
-            observation.image,
-            observation.rendering,
-            observation.depth,
-            observation.mask,
-            observation.distance,
-        )
+        """Predict for a batch; the answer is on the CPU, wherever the network runs."""
+        there = observation.to(self.device)
+        tensors = (there.image, there.rendering, there.depth, there.mask, there.distance)
         run = self._trace(tensors) if len(observation) <= TRACED else self.folded
-        logits, confidence, attention, *delta = run(*tensors)
+        logits, confidence, attention, *delta = (part.cpu() for part in run(*tensors))
         return PolicyOutput(logits, delta[0] if delta else None, confidence, attention)
 
     def _trace(self, tensors: tuple[Tensor, ...]) -> Callable[..., Answer]:
         size = len(tensors[0])
         if size not in self._traces:
-            with warnings.catch_warnings():
-                # Shapes become constants: that is meant, there is a trace a size. Its successors
-                # (torch.compile, torch.export) need a compiler at run time or gain nothing here.
-                warnings.simplefilter("ignore")
-                traced = torch.jit.trace(  # type: ignore[no-untyped-call]
-                    self.folded, tensors, check_trace=False
-                )
-                self._traces[size] = torch.jit.freeze(traced)
+            self._traces[size] = _traced(self.folded, tensors)
         return self._traces[size]
+
+
+def _traced(network: nn.Module, tensors: tuple[Tensor, ...]) -> Callable[..., Answer]:
+    """The network's operators for tensors of these shapes, without Python between them.
+
+    `torch.jit.trace` keeps what it traced as long as the process lives, 16 MB a network. The graph
+    alone, in a compilation unit of its own, goes with the function.
+    """
+    from torch.jit import _trace as trace  # its names without an underscore keep the network alive
+
+    with warnings.catch_warnings():
+        # Shapes become constants: that is meant, there is a trace a size. Its successors
+        # (torch.compile, torch.export) need a compiler at run time or gain nothing here.
+        warnings.simplefilter("ignore")
+        graph, _ = trace._get_trace_graph(network, tensors)  # type: ignore[no-untyped-call]
+    # The graph takes the network's tensors after the given ones, each once.
+    state = list(trace._unique_state_dict(network, keep_vars=True).values())  # type: ignore[no-untyped-call]
+    run = torch._C._create_function_from_graph("network", graph)
+    return lambda *given: run(*given, *state)
 
 
 class _Plain(nn.Module):
@@ -99,13 +129,13 @@ class _Plain(nn.Module):
         return parts if prediction.delta is None else (*parts, prediction.delta)
 
 
-def _to_bfloat16(network: nn.Module) -> None:
+def _to_bfloat16(network: nn.Module, pack: bool) -> None:
     """Replace the chains of convolutions, and single ones but of 1 × 1, which take no time."""
     for name, part in network.named_children():
         kinds = {type(module) for module in part.modules()}
         is_chain = isinstance(part, nn.Sequential) and nn.Conv2d in kinds and nn.Linear not in kinds
         if is_chain or (isinstance(part, nn.Conv2d) and part.kernel_size != (1, 1)):
-            setattr(network, name, Bfloat16Convolutions(part))
+            setattr(network, name, Bfloat16Convolutions(part, pack))
 
 
 def folded(network: Network) -> Network:

@@ -23,6 +23,9 @@ from .renderer import PATCH, GBuffer, check_batch, gather
 Arrays = tuple[NDArray[np.uint8], Float32, Float32]
 
 
+WHEELS = "Linux and Windows on x86-64 and for macOS 13 or newer"
+
+
 class EmbreeRenderer:
     """Casts one ray through each pixel's centre; both sides of every triangle are visible."""
 
@@ -33,7 +36,9 @@ class EmbreeRenderer:
             import embreex.rtcore_scene  # noqa: F401
         except ImportError as error:
             raise RenderingUnavailable(
-                f"The embree renderer lacks its Python package: pip install embreex ({error})."
+                f"The embree renderer lacks its Python package: pip install embreex ({error}). It "
+                f"has wheels for {WHEELS}; elsewhere, as on Linux on ARM (Jetson, Raspberry Pi), "
+                "use --renderer pyrender or build embreex."
             ) from error
 
     def render(

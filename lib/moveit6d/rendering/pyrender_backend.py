@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ..errors import RenderingUnavailable
+from ..errors import InputError, RenderingUnavailable
+from ..extras import require
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..typing import Float32
@@ -165,6 +166,10 @@ def _open() -> tuple[Any, str]:
     One, because PyOpenGL can be bound to a single platform in a process, and because closing one
     EGL context of pyrender's closes the display under all others.
     """
+    try:
+        require("gl", "The pyrender renderer")
+    except InputError as error:
+        raise RenderingUnavailable(str(error)) from None
     platform = _platform()
     try:
         with _environment(platform):

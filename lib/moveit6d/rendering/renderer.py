@@ -13,11 +13,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..errors import InputError, RenderingUnavailable
+from ..errors import InputError
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 
-NAMES = ("embree", "pyrender")
 PATCH = 128  # pixels a side
 
 
@@ -46,31 +45,6 @@ class Renderer(Protocol):
         Poses (B) take the meshes' centred frames to the camera; intrinsics are (B, 3, 3), and
         pixel (0, 0) is the centre of the top-left pixel.
         """
-
-
-def make_renderer(name: str = "embree") -> Renderer:
-    """The back end of that name; `RenderingUnavailable` says what it lacks on this machine."""
-    if name == "embree":
-        from .embree import EmbreeRenderer
-
-        return EmbreeRenderer()
-    if name == "pyrender":
-        from .pyrender_backend import PyrenderRenderer
-
-        return PyrenderRenderer()
-    raise InputError(f"There is no renderer {name!r}; choose one of {', '.join(NAMES)}.")
-
-
-def available_renderers() -> dict[str, str | None]:
-    """For each back end why it cannot run on this machine, or None where it can."""
-    reasons: dict[str, str | None] = {}
-    for name in NAMES:
-        try:
-            make_renderer(name)
-            reasons[name] = None
-        except RenderingUnavailable as error:
-            reasons[name] = str(error)
-    return reasons
 
 
 def check_batch(meshes: Sequence[Mesh], poses: Pose, intrinsics: Tensor, size: int) -> None:

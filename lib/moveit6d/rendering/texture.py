@@ -102,8 +102,8 @@ def _pyramid(
         size = weight.shape[1::-1]
         mean = colour / np.maximum(weight, 1e-6)[..., None]
         if filler is not None:
-            bare = weight <= 0
-            mean[bare] = cv2.resize(filler, size, interpolation=cv2.INTER_NEAREST)[bare]
+            empty = weight <= 0
+            mean[empty] = cv2.resize(filler, size, interpolation=cv2.INTER_NEAREST)[empty]
         filler = mean
         levels.append(np.ascontiguousarray(np.rint(mean).clip(0, 255).astype(np.uint8)))
     return levels[::-1]

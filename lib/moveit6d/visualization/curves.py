@@ -32,8 +32,8 @@ class Curves:
     resets: Sequence[int]
 
 
-def curves_svg(curves: Curves, doubtful: float) -> str:
-    """The SVG's text. `doubtful` is the confidence below which a pose is taken to be wrong."""
+def curves_svg(curves: Curves, low_confidence: float) -> str:
+    """The SVG's text. Below `low_confidence` a pose is taken to be wrong."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -57,7 +57,7 @@ def curves_svg(curves: Curves, doubtful: float) -> str:
         figure.subplots_adjust(LEFT, 0.45 / height, RIGHT, 1 - 0.1 / height, hspace=0.12)
         axes = figure.subplots(len(drawn), 1, sharex=True, squeeze=False)[:, 0]
         for axis, (name, values) in zip(axes, drawn.items(), strict=True):
-            _draw(axis, name, values, curves, doubtful)
+            _draw(axis, name, values, curves, low_confidence)
         axes[-1].set_xlabel("frame")
         axes[-1].set_xlim(*span(curves.frames))
         text = io.StringIO()
@@ -77,7 +77,9 @@ def limits(frames: Sequence[int]) -> Mapping[str, float]:
     return {"left": LEFT, "right": RIGHT, "first": first, "last": last}
 
 
-def _draw(axis: Any, name: str, values: Sequence[float], curves: Curves, doubtful: float) -> None:
+def _draw(
+    axis: Any, name: str, values: Sequence[float], curves: Curves, low_confidence: float
+) -> None:
     axis.set_ylabel(name, color=INK)
     axis.spines[["top", "right"]].set_visible(False)
     axis.tick_params(colors=INK)
@@ -89,7 +91,7 @@ def _draw(axis: Any, name: str, values: Sequence[float], curves: Curves, doubtfu
         axis.step(curves.frames, values, where="mid", color=INK, linewidth=1.0)
         axis.set_ylim(0, None)
         return
-    shown, limit = (values, doubtful) if name == "confidence" else (_cut(values), 10.0)
+    shown, limit = (values, low_confidence) if name == "confidence" else (_cut(values), 10.0)
     axis.axhline(limit, color=ORANGE, linewidth=0.8, linestyle="--")
     axis.plot(curves.frames, shown, color=BLUE, linewidth=1.2)
     known = [value for value in shown if not math.isnan(value)]

@@ -17,6 +17,7 @@ from ..geometry.camera import Camera
 from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE, look_at
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..rendering.backends import make_renderer
 from ..rendering.renderer import Renderer
 
 GREEN = (40, 255, 80)
@@ -59,13 +60,18 @@ def draw_pose(
     mesh: Mesh,
     pose: Pose,
     camera: Camera,
-    renderer: Renderer,
+    renderer: Renderer | None = None,
     *,
     color: tuple[int, int, int] = GREEN,
     axes: bool = True,
 ) -> Image:
-    """A copy of the RGB frame (H, W, 3) with the object's outline and, at its centre, its axes."""
+    """A copy of the RGB frame (H, W, 3) with the object's contour and, at its centre, its axes.
+
+    `pose` is in the mesh file's frame; `renderer` is embree if None.
+    """
     import cv2
+
+    renderer = make_renderer() if renderer is None else renderer
 
     picture = np.ascontiguousarray(image).copy()
     width = max(1, round(min(image.shape[:2]) / 300))
@@ -102,7 +108,7 @@ def _axes(mesh: Mesh, pose: Pose, camera: Camera) -> list[NDArray[np.int32]]:
     if float(points[:, 2].min()) <= 0:
         return []
     pixels = _on_frame(points.numpy(), camera)
-    return [pixels[[0, k]] for k in (1, 2, 3)]
+    return [pixels[[0, k]] for k in (1, 2, 3)] if len(pixels) == len(points) else []
 
 
 def _rays(pixels: NDArray[np.int32], back: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -112,13 +118,14 @@ def _rays(pixels: NDArray[np.int32], back: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def _on_frame(points: NDArray[np.float64], camera: Camera) -> NDArray[np.int32]:
-    """Pixels (N, 2) of points (N, 3) in front of the camera through its lens, in sixteenths."""
-    import cv2
+    """Pixels (N, 2) of points (N, 3) in front of the camera through its lens, in sixteenths.
 
-    if not len(points):
-        return np.zeros((0, 2), np.int32)
-    zero = np.zeros(3)
-    lens = np.array(camera.distortion or (0.0,) * 5)
-    pixels, _ = cv2.projectPoints(points, zero, zero, camera.matrix().numpy(), lens)
+    Points that the lens does not show are left out.
+    """
+    lens, matrix = camera.lens, camera.matrix.numpy()
+    if lens is None:
+        pixels = (points @ matrix.T)[:, :2] / points[:, 2:]
+    else:
+        pixels = lens.project(points[lens.shows(points)], matrix)
     far = 1 << 20  # keeps what lies far outside of the frame within OpenCV's integers
-    return np.asarray((pixels[:, 0] * (1 << _SHIFT)).round().clip(-far, far), np.int32)
+    return np.asarray((pixels * (1 << _SHIFT)).round().clip(-far, far), np.int32)

@@ -51,7 +51,7 @@ class Run:
 
     `frames` are read a second time for the pictures; `truth` and `errors` are empty where nobody
     knows the true poses; `failures` say why a frame has no pose; `facts` are shown as they are;
-    below `doubtful` a confidence is shown as bad.
+    a confidence below `low_confidence` is shown as bad.
     """
 
     title: str
@@ -64,7 +64,7 @@ class Run:
     truth: Mapping[int, Pose] = field(default_factory=dict)
     errors: Mapping[int, PoseErrors] = field(default_factory=dict)
     failures: Mapping[int, str] = field(default_factory=dict)
-    doubtful: float = 0.5
+    low_confidence: float = 0.5
 
     @cached_property
     def badness(self) -> dict[int, float]:
@@ -86,12 +86,14 @@ class Run:
         return (0.0 if self.errors else 1.0) - row.confidence
 
     def confident(self, frame: int) -> bool:
-        """Whether there is a pose that the tracker itself believes; a given one is believed."""
+        """Whether there is a pose whose confidence is not low, or one that was given."""
         row = self.rows[frame]
-        return row.pose is not None and (row.confidence is None or row.confidence >= self.doubtful)
+        return row.pose is not None and (
+            row.confidence is None or row.confidence >= self.low_confidence
+        )
 
     def bad(self, frame: int) -> bool:
-        """Whether the frame is shown in red: wrong where the truth is known, else doubtful."""
+        """Whether the frame is shown in red: wrong if the truth is known, else not confident."""
         if frame in self.errors:
             return not self.errors[frame].add < WRONG * self.mesh.diameter
         return not self.confident(frame)
@@ -121,7 +123,7 @@ def report_page(run: Run, renderer: Renderer) -> str:
         title=run.title,
         verdict=run.verdict,
         facts=run.facts,
-        curves=curves_svg(curves, run.doubtful),
+        curves=curves_svg(curves, run.low_confidence),
         limits=limits(frames),
         key=_key(run),
         galleries=[

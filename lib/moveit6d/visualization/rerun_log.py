@@ -15,8 +15,9 @@ import numpy as np
 import torch
 
 from ..datasets.pose_files import PoseRow
-from ..datasets.video import Frame
+from ..datasets.video import VideoFrame
 from ..errors import InputError
+from ..extras import require
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
@@ -55,7 +56,7 @@ class RerunLog:
             self._place.__exit__(type(error), error, error.__traceback__)
             raise InputError(f"{self.path} cannot be written: {error}.") from error
         lens = rr.Pinhole(
-            image_from_camera=self.camera.matrix().numpy(),
+            image_from_camera=self.camera.matrix.numpy(),
             resolution=[self.camera.width, self.camera.height],
             camera_xyz=rr.ViewCoordinates.RDF,
         )
@@ -65,7 +66,7 @@ class RerunLog:
             self._stream.log(TRUTH, _edges(rr, self.mesh), static=True)
         return self
 
-    def write(self, frame: Frame, row: PoseRow, error: str | None = None) -> None:
+    def write(self, frame: VideoFrame, row: PoseRow, error: str | None = None) -> None:
         """Append one frame: its image, its row, and why it has no pose."""
         rr, stream = self._rerun, self._stream
         stream.set_time("frame", sequence=frame.index)
@@ -112,12 +113,9 @@ class RerunLog:
 
 
 def _load() -> ModuleType:
-    try:
-        import rerun
-    except ImportError:
-        raise InputError(
-            "--rerun needs the package rerun-sdk: pip install 'moveit6d[rerun]'."
-        ) from None
+    require("rerun", "--rerun")
+    import rerun
+
     module: ModuleType = rerun
     return module
 

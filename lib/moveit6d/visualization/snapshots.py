@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from ..datasets.pose_files import PoseRow
-from ..datasets.video import Frame, FrameSource, Image, ImageList, Prefetched, read_image
+from ..datasets.video import FrameSource, Image, ImageList, Prefetched, VideoFrame, read_image
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
@@ -63,16 +63,16 @@ def worst(badness: Mapping[int, float], count: int) -> list[int]:
     return chosen
 
 
-def fetch(source: FrameSource, wanted: set[int]) -> Iterator[Frame]:
+def fetch(source: FrameSource, wanted: set[int]) -> Iterator[VideoFrame]:
     """The frames with these numbers, in order; of image files no others are opened."""
     files = source.source if isinstance(source, Prefetched) else source
     if isinstance(files, ImageList):
         for index in sorted(number for number in wanted if number < len(files.paths)):
             path = files.paths[index]
             try:
-                yield Frame(index, path.name, read_image(path))
+                yield VideoFrame(index, path.name, read_image(path))
             except InputError as error:
-                yield Frame(index, path.name, None, str(error))
+                yield VideoFrame(index, path.name, None, str(error))
         return
     last = max(wanted, default=-1)
     for frame in files:

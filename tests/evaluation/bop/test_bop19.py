@@ -26,7 +26,8 @@ from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3
 from moveit6d.geometry.symmetry import ContinuousSymmetry, Symmetries
-from moveit6d.rendering.renderer import Renderer, make_renderer
+from moveit6d.rendering.backends import make_renderer
+from moveit6d.rendering.renderer import Renderer
 from tests.support.bop_by_hand import recalls
 from tests.support.meshes import colored_box
 

@@ -12,7 +12,7 @@ from moveit6d.evaluation.metrics.vsd import distance_image, render_distances, vs
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.rendering.backends import make_renderer
 from tests.support.meshes import colored_box
 
 CAMERA = Camera(180.0, 184.0, 78.0, 61.5, 160, 120)

@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from moveit6d.actions import pose_delta
+from moveit6d.config import ActionMode
 from moveit6d.datasets.sequences import Sequence, read_sequences
 from moveit6d.errors import InputError
 from moveit6d.evaluation.reproduce.convergence import (
@@ -24,8 +25,9 @@ from moveit6d.evaluation.reproduce.convergence import (
     units,
 )
 from moveit6d.geometry.pose import Pose
-from moveit6d.policies import ActionMode, OraclePolicy
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.policies import OraclePolicy
+from moveit6d.rendering.backends import make_renderer
+from tests.support.configs import limited
 
 SIZE = 0.2
 PLACE = Pose(torch.eye(3).double()[None], torch.tensor([[0.05, 0.02, 0.8]]).double())
@@ -79,7 +81,7 @@ def test_a_start_that_is_not_moved_stays() -> None:
 
 
 def test_an_oracle_comes_back_and_needs_more_steps_from_farther(video: Sequence) -> None:
-    plan = Plan(ms=(0, 6, 12), readings=(Reading.TOTAL,), frames=2, max_iterations=200)
+    plan = Plan(ms=(0, 6, 12), readings=(Reading.TOTAL,), frames=2, loop=limited(200, 3.0))
     trials = [
         trial
         for found in run(video, oracle(video, ActionMode.SINGLE), make_renderer(), plan)
@@ -95,7 +97,7 @@ def test_an_oracle_comes_back_and_needs_more_steps_from_farther(video: Sequence)
 
 
 def test_the_limit_of_steps_is_a_failure(video: Sequence) -> None:
-    plan = Plan(ms=(12,), readings=(Reading.TOTAL,), frames=1, max_iterations=5)
+    plan = Plan(ms=(12,), readings=(Reading.TOTAL,), frames=1, loop=limited(5, 3.0))
     policy = oracle(video, ActionMode.SINGLE)
     ((trial,),) = run(video, policy, make_renderer(), plan)
     assert trial.iterations == 5 and trial.after == float("inf") and not trial.right

@@ -51,7 +51,7 @@ def test_the_published_laval_has_all_objects(tmp_path: Path) -> None:
     assert describe(tmp_path, "laval").startswith("surrogate (in Laval's format")
 
 
-def test_own_sequences_are_a_stand_in(tmp_path: Path) -> None:
+def test_own_sequences_are_a_surrogate(tmp_path: Path) -> None:
     assert describe(tmp_path, "folders").startswith("surrogate (sequence folders")
 
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import torch
 
+from moveit6d.config import ActionMode
 from moveit6d.datasets.sequences import Sequence, read_sequences
-from moveit6d.estimation import DetectorConfig, PoseDetector, SelectionCriterion
+from moveit6d.estimation import PoseDetector, SeedDetectorConfig, SelectionCriterion
 from moveit6d.evaluation.iteration_timing import IterationTimes
 from moveit6d.evaluation.reproduce import attention, detection, runtime
 from moveit6d.evaluation.reproduce.tracks import ScoredTrack
@@ -18,8 +19,8 @@ from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.pose import Pose
 from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import ActionMode, LoopState, OraclePolicy
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.policies import LoopState, OraclePolicy
+from moveit6d.rendering.backends import make_renderer
 from moveit6d.visualization.charts import Sheet
 
 
@@ -33,10 +34,13 @@ def test_runtime_stands_beside_the_paper_without_rendering(video: Sequence) -> N
     truth = Pose.identity(4)
     track = ScoredTrack(video, (1, 2, 3, 4), truth, truth, 0, (2, 2, 3, 3), (40.0,) * 4)
     found = runtime.reproduction(IterationTimes(parts, 17.5, 18.0), [track], "surrogate", {})
-    cycle = {row[0]: row[1:] for row in found.tables[0].rows}
-    assert cycle["image preprocessing (crop, resize)"] == (2.5, 14.6)
-    assert cycle["cycle without rendering"] == (14.5, 19.8)
-    assert cycle["network"] == (11.0, 5.2) and cycle["whole cycle, rendering too"] == (18.0, None)
+    iteration = {row[0]: row[1:] for row in found.tables[0].rows}
+    assert iteration["image preprocessing (crop, resize)"] == (2.5, 14.6)
+    assert iteration["iteration without rendering"] == (14.5, 19.8)
+    assert iteration["network"] == (11.0, 5.2) and iteration["whole iteration, rendering too"] == (
+        18.0,
+        None,
+    )
     frames = {row[0]: row[1:] for row in found.tables[1].rows}
     assert frames["all frames"] == (4, 2.5, 2.5 * 14.5, 40.0)
     assert frames["paper (YCB-Video)"] == (None, 4.2, 83.16, None)
@@ -81,7 +85,7 @@ def test_attention_is_measured_on_the_object_and_beside_it(video: Sequence) -> N
 def a_detector(video: Sequence) -> PoseDetector:
     mesh = video.load_mesh()
     policy = OraclePolicy(Pose.stack([mesh.inner(video.start)] * 32), ActionMode.ALL_AXES)
-    config = DetectorConfig(sizes=(0.4,), poses=1, sinks=1, rotations=2)
+    config = SeedDetectorConfig(sizes=(0.4,), poses=1, sinks=1, rotations=2)
     return PoseDetector(mesh, video.camera, config=config, policy=policy)
 
 

@@ -47,7 +47,7 @@ def test_the_notes_name_every_slip() -> None:
     assert turtle == [14.87, 14.87]
 
 
-def test_runtime_is_actions_times_cycle() -> None:
+def test_runtime_is_actions_times_iteration() -> None:
     times = list(published.RUNTIME_MS.values())
     assert times[0] + times[1] == pytest.approx(times[2])
     assert published.ACTIONS_PER_FRAME * times[2] == pytest.approx(published.MS_PER_FRAME)

@@ -10,7 +10,7 @@ from moveit6d.visualization.charts import Curve, LineChart, Panel, Sheet
 TABLE = Table("main", "Errors", ("object", "ours", "n"), (("cup", 1 / 3, 4), ("pan", None, 0)))
 
 
-def an_outcome(*tables: Table) -> Reproduction:
+def a_reproduction(*tables: Table) -> Reproduction:
     chart = LineChart("curve", "C", "m", "%", (Curve("ours", (0.0, 1.0), (2.0, float("inf"))),))
     sheet = Sheet("sheet", "S", 1, (Panel("nothing"),))
     return Reproduction(
@@ -19,7 +19,7 @@ def an_outcome(*tables: Table) -> Reproduction:
 
 
 def test_a_figure_that_nobody_has_is_a_dash() -> None:
-    text = an_outcome(TABLE).markdown()
+    text = a_reproduction(TABLE).markdown()
     assert "Data: surrogate." in text and "- A note." in text
     rows = [line for line in text.splitlines() if line.startswith("|")]
     assert [cell.strip() for cell in rows[2].split("|")[1:-1]] == ["cup", "0.33", "4"]
@@ -27,7 +27,7 @@ def test_a_figure_that_nobody_has_is_a_dash() -> None:
 
 
 def test_files_hold_all_digits(tmp_path: Path) -> None:
-    written = write_reproduction(an_outcome(TABLE), tmp_path / "new")
+    written = write_reproduction(a_reproduction(TABLE), tmp_path / "new")
     assert [path.name for path in written] == ["demo.md", "demo.json", "demo.csv"]
     rows = list(csv.reader(written[2].read_text(encoding="utf-8").splitlines()))
     assert rows == [["object", "ours", "n"], ["cup", str(1 / 3), "4"], ["pan", "", "0"]]
@@ -40,7 +40,7 @@ def test_files_hold_all_digits(tmp_path: Path) -> None:
 
 def test_several_tables_are_several_files(tmp_path: Path) -> None:
     other = Table("more", "More", ("a",), ((1,),))
-    written = write_reproduction(an_outcome(TABLE, other), tmp_path)
+    written = write_reproduction(a_reproduction(TABLE, other), tmp_path)
     assert [path.name for path in written[2:]] == ["demo_main.csv", "demo_more.csv"]
 
 

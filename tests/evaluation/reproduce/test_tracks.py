@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import torch
 
+from moveit6d.config import ActionMode
 from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.sequences import Sequence, read_sequences
 from moveit6d.errors import InputError
@@ -18,7 +19,8 @@ from moveit6d.evaluation.protocols import GIVEN, NO_RESET, PAPER, Protocol
 from moveit6d.evaluation.reproduce.tracks import TrackSettings, run_tracks, scored
 from moveit6d.evaluation.run_tracker import TrackedFrame
 from moveit6d.geometry.pose import Pose
-from moveit6d.policies import ActionMode, OraclePolicy
+from moveit6d.policies import OraclePolicy
+from tests.support.configs import NO_CONTOUR
 
 
 @pytest.fixture
@@ -40,7 +42,7 @@ class Counting:
     def __call__(self, mesh: Any, camera: Any, start: Any) -> PoseTracker:
         self.made += 1
         policy = OraclePolicy(Pose.stack([mesh.inner(start)]), ActionMode.ALL_AXES)
-        return PoseTracker(mesh, camera, start, policy=policy, contour=False)
+        return PoseTracker(mesh, camera, start, policy=policy, config=NO_CONTOUR)
 
 
 def settings(
@@ -84,7 +86,7 @@ def test_tracks_are_kept_and_used_again(video: Sequence, tmp_path: Path) -> None
     first = list(run_tracks([video], settings(make, tmp_path / "t"), as_it_is))
     again = list(run_tracks([video], settings(make, tmp_path / "t"), as_it_is))
     assert make.made == 1
-    torch.testing.assert_close(first[0].estimate.matrix(), again[0].estimate.matrix())
+    torch.testing.assert_close(first[0].estimate.matrix, again[0].estimate.matrix)
     assert first[0].frames == again[0].frames and first[0].iterations == again[0].iterations
 
 

@@ -102,7 +102,7 @@ def test_files_are_read_back(tmp_path: Path) -> None:
         (back.truth, keyframes.truth),
         (back.estimates["ours"], keyframes.estimates["ours"]),
     ):
-        torch.testing.assert_close(mine.matrix(), theirs.matrix(), equal_nan=True)
+        torch.testing.assert_close(mine.matrix, theirs.matrix, equal_nan=True)
     np.savez(tmp_path / "points.npz", **{f"{n:02d}": p.numpy() for n, p in points.items()})
     assert {n: p.tolist() for n, p in read_points(tmp_path / "points.npz").items()} == {
         n: p.tolist() for n, p in points.items()
@@ -174,7 +174,7 @@ def test_tables_name_what_is_missing_and_what_is_symmetric() -> None:
 
 
 def test_published_add_of_posecnn(shared: Path) -> None:
-    """data/real/README.md; ADD-S and others take minutes: see docs/metrics.md for the command."""
+    """data/real/README.md; ADD-S and others take minutes: see docs/reference/metrics.md."""
     folder = shared / "data" / "real" / "ycbv_keyframe_poses"
     keyframes = read_keyframe_poses(folder / "poses.npz", ["posecnn"])
     points = read_points(folder / "points.npz")

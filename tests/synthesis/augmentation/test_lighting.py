@@ -35,7 +35,7 @@ def test_a_fifth_is_unlit() -> None:
     assert plain.mean() == pytest.approx(0.2, abs=0.03)
 
 
-def test_the_paper_s_numbers_stand_in_its_preset() -> None:
+def test_the_paper_s_numbers_are_in_its_preset() -> None:
     assert (PAPER.unlit, PAPER.lights, PAPER.intensity) == (0.2, 5, (0.5, 1.5))
     assert (PAPER.metallic, PAPER.smoothness) == ((0.0, 0.85), (0.0, 0.8))
     blue, cyan, green = (0, 0, 1), (0, 1, 1), (0, 1, 0)

@@ -14,7 +14,7 @@ def contrast(mesh: Mesh) -> float:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_bare_copy_has_the_shape_but_hardly_any_print(seed: int) -> None:
+def test_an_untextured_copy_has_the_shape_but_hardly_any_texture(seed: int) -> None:
     mesh = objects()[seed % 3]
     untextured = untextured_copy(np.random.default_rng(seed), mesh)
     assert untextured.vertices is mesh.vertices and untextured.uv is mesh.uv

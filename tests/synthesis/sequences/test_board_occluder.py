@@ -9,7 +9,7 @@ import pytest
 
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.rendering.backends import make_renderer
 from moveit6d.synthesis.objects.demo_object import demo_object
 from moveit6d.synthesis.sequences.board_occluder import plan_board_occluder
 from moveit6d.synthesis.sequences.difficulty import DIFFICULTIES
@@ -71,6 +71,6 @@ def test_a_board_changes_nothing_else(robot: Mesh) -> None:
     difficulty = replace(DIFFICULTIES["easy"], board="v", board_occlusion=0.3)
     occluded = Scene(robot, 6, 8, difficulty, camera=SMALL)
     first, second = plain.render_frame(3), occluded.render_frame(3)
-    assert bool((first.pose.matrix() == second.pose.matrix()).all())
+    assert bool((first.pose.matrix == second.pose.matrix).all())
     same = (np.abs(first.image.astype(int) - second.image) < 3).all(-1)
     assert 0.4 < same.mean() < 0.97, "background and motion are the same, the board is not"

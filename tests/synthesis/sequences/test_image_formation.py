@@ -10,7 +10,7 @@ from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3
-from moveit6d.rendering.renderer import make_renderer
+from moveit6d.rendering.backends import make_renderer
 from moveit6d.synthesis.sequences.image_formation import (
     Layer,
     Light,
@@ -42,7 +42,7 @@ def test_window_holds_exactly_the_frames_pixels(
     box: Mesh, place: tuple[float, float, float]
 ) -> None:
     renderer, pose = make_renderer("embree"), at(*place)
-    whole = renderer.render([box], pose, CAMERA.matrix()[None], size=200).depth[0, 0].numpy()
+    whole = renderer.render([box], pose, CAMERA.matrix[None], size=200).depth[0, 0].numpy()
     frame = np.zeros((150, 200, 3), np.float32)
     depth = np.full((150, 200), np.inf, np.float32)
     for layer in render_layers(renderer, box, pose, CAMERA, np.zeros((1, 2)), LIGHT, Material()):

@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d.datasets.pose_files import read_camera, read_pose
+from moveit6d.datasets.pose_files import read_camera
 from moveit6d.datasets.sequences import read_sequences
 from moveit6d.errors import InputError
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.rendering.renderer import GBuffer, make_renderer
+from moveit6d.rendering.backends import make_renderer
+from moveit6d.rendering.renderer import GBuffer
 from moveit6d.synthesis.augmentation.occluders import random_occluder
 from moveit6d.synthesis.objects.demo_object import demo_object
 from moveit6d.synthesis.objects.shapes import random_object
@@ -45,7 +46,7 @@ def test_folder_holds_what_trackers_read(folder: Path) -> None:
     assert sequence.camera == SMALL == read_camera(folder / "camera.json")
     assert sorted(sequence.truth) == list(range(14))
     assert len(list((folder / "frames").glob("*.jpg"))) == 14
-    start, first = read_pose(folder / "start.json"), sequence.truth[0]
+    start, first = Pose.load(folder / "start.json"), sequence.truth[0]
     torch.testing.assert_close(start.rotation, first.rotation, atol=1e-7, rtol=0)
     torch.testing.assert_close(start.translation, first.translation, atol=1e-7, rtol=0)
     info = json.loads((folder / "info.json").read_text())
@@ -92,7 +93,7 @@ def test_truth_is_where_the_object_is_seen(
     frame = scene.render_frame(1)
     inner = robot.inner(frame.pose)
     batch = Pose(inner.rotation[None], inner.translation[None])
-    mask = make_renderer("embree").render([robot], batch, SMALL.matrix()[None], 213).mask[0, 0]
+    mask = make_renderer("embree").render([robot], batch, SMALL.matrix[None], 213).mask[0, 0]
     expected = mask.numpy()[:160] > 0.5
     occluded = (frame.image[..., 1] / 255) ** 2.2
     occluded[occluded < 0.03] = 0.0  # noise

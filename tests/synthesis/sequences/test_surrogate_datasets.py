@@ -58,7 +58,7 @@ def test_laval(tmp_path: Path, box: Mesh) -> None:
     for name in ("box_occlusion_h_30", "box_occlusion_v_30"):
         np.testing.assert_allclose(shares[name], 0.7, atol=0.05)
     # The same motion before each board.
-    difference = found[0].truth[1].matrix() - found[2].truth[1].matrix()
+    difference = found[0].truth[1].matrix - found[2].truth[1].matrix
     assert difference.abs().max() < 1e-12
     assert [frame.image.shape for frame in found[1].open() if frame.image is not None] == [
         (160, 213, 3)
@@ -85,7 +85,7 @@ def test_another_folder_is_left_alone(tmp_path: Path, box: Mesh) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 
 
-def test_an_older_stand_in_is_replaced_and_a_broken_one_leaves_nothing(
+def test_an_older_surrogate_is_replaced_and_a_broken_one_leaves_nothing(
     tmp_path: Path, box: Mesh
 ) -> None:
     root = tmp_path / "laval"

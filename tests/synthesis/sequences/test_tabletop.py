@@ -11,7 +11,8 @@ import torch
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.rendering.renderer import GBuffer, make_renderer
+from moveit6d.rendering.backends import make_renderer
+from moveit6d.rendering.renderer import GBuffer
 from moveit6d.synthesis.objects.demo_object import demo_object
 from moveit6d.synthesis.sequences.difficulty import Difficulty
 from moveit6d.synthesis.sequences.sequence import Scene, SyntheticFrame
@@ -42,11 +43,11 @@ def test_they_keep_their_places(robot: Mesh, others: list[Mesh]) -> None:
         robot, 3, 12, replace(STILL, degrees_per_frame=(2, 3)), camera=SMALL, others=others
     )
     one, two = poses(scene.render_frame(1)), poses(scene.render_frame(9))
-    moved = (one[0].matrix() - two[0].matrix()).abs().max()
+    moved = (one[0].matrix - two[0].matrix).abs().max()
     assert moved > 0.01
     for other in (1, 2):
         before, after = one[0].inverse() @ one[other], two[0].inverse() @ two[other]
-        torch.testing.assert_close(before.matrix(), after.matrix(), atol=1e-9, rtol=0)
+        torch.testing.assert_close(before.matrix, after.matrix, atol=1e-9, rtol=0)
 
 
 def test_poses_are_where_they_are_seen(
@@ -63,7 +64,7 @@ def test_poses_are_where_they_are_seen(
     for mesh, pose in zip([robot, *others], poses(frame), strict=True):
         inner = mesh.inner(pose)
         batch = Pose(inner.rotation[None], inner.translation[None])
-        seen = renderer.render([mesh], batch, SMALL.matrix()[None], 213).mask[0, 0].numpy()
+        seen = renderer.render([mesh], batch, SMALL.matrix[None], 213).mask[0, 0].numpy()
         expected |= seen[:160] > 0.5
     bright = (frame.image[..., 1] / 255) ** 2.2 > 0.5
     assert (bright & expected).sum() / (bright | expected).sum() > 0.95
@@ -76,7 +77,7 @@ def test_they_hide_each_other(robot: Mesh, others: list[Mesh]) -> None:
     depth = np.stack(
         [
             make_renderer("embree")
-            .render([mesh], Pose(i.rotation[None], i.translation[None]), SMALL.matrix()[None], 213)
+            .render([mesh], Pose(i.rotation[None], i.translation[None]), SMALL.matrix[None], 213)
             .depth[0, 0, :160]
             .numpy()
             for mesh, i in (

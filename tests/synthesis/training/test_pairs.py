@@ -154,7 +154,7 @@ def test_moves_that_lose_the_object_are_not_made(
     assert torch.allclose(away.observation.distance, batch.observation.distance, rtol=1e-5)
 
 
-def test_symmetric_objects_get_the_nearest_counts() -> None:
+def test_symmetric_objects_get_the_nearest_delta() -> None:
     """A lathe's spin is in no counts, and the counts still lead to what is seen."""
     random = np.random.default_rng(0)
     meshes = [symmetric_object(random) for _ in range(6)]

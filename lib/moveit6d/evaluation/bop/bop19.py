@@ -181,7 +181,7 @@ def _count(
         return {}, len(true)
     mesh, diameter = dataset.eval_mesh(number), dataset.diameter(number)
     points, hull, symmetries = _shape(mesh)
-    matrix, scale = view.camera.matrix(), WIDTH / view.camera.width
+    matrix, scale = view.camera.matrix, WIDTH / view.camera.width
     surface = torch.full((len(found), len(true)), float("inf"), dtype=torch.float64)
     pixels = surface.clone()
     for (e, one), (g, pose) in product(enumerate(found), enumerate(true)):

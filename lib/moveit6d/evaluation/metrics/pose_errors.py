@@ -210,7 +210,7 @@ def errors_of(error: ErrorFunction, estimate: Pose, truth: Pose, *what: Any) -> 
     A miss is an estimate with a number that is not finite.
     """
     found, true = flattened(estimate), flattened(truth)
-    known = torch.isfinite(found.matrix()).all(-1).all(-1)
+    known = torch.isfinite(found.matrix).all(-1).all(-1)
     errors = torch.full((len(true),), float("inf"), dtype=torch.float64, device=known.device)
     if known.any():
         errors[known] = error(found[known], true[known], *what).to(errors)

@@ -80,7 +80,7 @@ def render_distances(
     """What a camera would measure of the object at each pose (mesh file's frame), in the window."""
     x0, y0, x1, y1 = window
     inner = Pose.stack([mesh.inner(pose) for pose in poses])
-    matrix = camera.crop(x0, y0, x1 - x0, y1 - y0).matrix().expand(len(poses), 3, 3)
+    matrix = camera.crop(x0, y0, x1 - x0, y1 - y0).matrix.expand(len(poses), 3, 3)
     side = max(x1 - x0, y1 - y0)
     depths = renderer.render([mesh] * len(poses), inner, matrix, side).depth
     return [distance_image(one[0, : y1 - y0, : x1 - x0], camera, window) for one in depths]

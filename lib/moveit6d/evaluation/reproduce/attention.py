@@ -16,8 +16,8 @@ from torch.nn import functional
 
 from ...actions import PoseAction
 from ...datasets.sequences import Sequence as Video
-from ...estimation.frame import prepare_frame
-from ...geometry.crop import PATCH_SIZE, crop_patch, look_at
+from ...frame import prepare_frame
+from ...geometry.crop import PATCH_SIZE
 from ...geometry.pose import Pose
 from ...observation import Observation, observe
 from ...policies import LoopState, Policy
@@ -57,11 +57,7 @@ def patches(videos: Sequence[Video], frames: int, renderer: Renderer) -> list[Pa
             start = PoseAction.from_delta(delta).apply_centred(
                 Pose(inner.rotation[None], inner.translation[None]), diameter
             )
-            view = look_at(start, diameter)
-            one = look_at(start[0], diameter[0])
-            patch = crop_patch(picture.pixels, one, picture.camera.matrix())
-            gbuffer = renderer.render([mesh], view.to_virtual(start), view.intrinsics)
-            seen = observe(patch[None], gbuffer, view, diameter)
+            seen = observe([picture], [mesh], start, diameter, renderer)
             state = LoopState(start, diameter, torch.zeros(1, dtype=torch.int64))
             found.append(Patch(f"{video.name}, frame {frame.index}", seen, state))
     return found

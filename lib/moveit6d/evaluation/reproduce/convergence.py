@@ -7,7 +7,7 @@ see `Reading`; both are offered because only one of them fits the paper's own te
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -15,12 +15,12 @@ import torch
 from torch import Tensor
 
 from ...actions import PoseAction
+from ...config import PAPER_CONFIG, LoopConfig
 from ...datasets.sequences import Sequence as Video
-from ...datasets.video import Frame
+from ...datasets.video import VideoFrame
 from ...errors import InputError
 from ...estimation import StopReason, Target, refine_batch
-from ...estimation.frame import prepare_frame
-from ...estimation.refine import out_of_sight
+from ...frame import prepare_frame
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...policies import Policy
@@ -61,6 +61,14 @@ class ConvergenceTrial:
         return self.after < metrics.ADD_LIMIT
 
 
+# The paper's: single actions of 3 units, at most 200 of them.
+LOOP = replace(
+    PAPER_CONFIG.loop,
+    max_iterations=published.CONVERGENCE_STEPS,
+    step_size=published.CONVERGENCE_STEP,
+)
+
+
 @dataclass(frozen=True)
 class Plan:
     """What is tried: the ms, the readings, frames at most, and how the loop runs."""
@@ -68,8 +76,7 @@ class Plan:
     ms: tuple[int, ...] = tuple(range(published.CONVERGENCE_LARGEST + 1))
     readings: tuple[Reading, ...] = tuple(Reading)
     frames: int | None = None
-    step: float = published.CONVERGENCE_STEP
-    max_iterations: int = published.CONVERGENCE_STEPS
+    loop: LoopConfig = LOOP
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -138,7 +145,7 @@ def _trials(
     video: Video,
     mesh: Mesh,
     points: Tensor,
-    frame: Frame,
+    frame: VideoFrame,
     cases: list[tuple[Reading, int]],
     signs: Tensor,
     policy: Policy,
@@ -151,34 +158,17 @@ def _trials(
     counts = [units(m, reading) for reading, m in cases]
     moved = deviate(many, signs, counts, mesh.sphere_diameter)
     picture = prepare_frame(frame.image, video.camera)
-    seen = [
-        k
-        for k in range(len(cases))
-        if out_of_sight(moved.translation[k], mesh.sphere_diameter, picture.camera) is None
-    ]
-    targets = [Target(picture, video.camera, mesh, mesh.outer(moved[k])) for k in seen]
-    results = dict(
-        zip(
-            seen,
-            refine_batch(
-                targets,
-                policy=policy,
-                renderer=renderer,
-                max_iterations=plan.max_iterations,
-                step_size=plan.step,
-            ),
-            strict=True,
-        )
-    )
+    targets = [Target(picture, video.camera, mesh, mesh.outer(moved[k])) for k in range(len(cases))]
+    results = refine_batch(targets, policy=policy, renderer=renderer, loop=plan.loop)
 
     def error(pose: Pose) -> float:
         return float(metrics.add_s(pose, truth, points, video.symmetric)) / mesh.diameter
 
     found = []
     for k, (reading, m) in enumerate(cases):
-        result = results.get(k)
+        result = results[k]
         before, after, iterations = float("inf"), float("inf"), 0
-        if result is not None:
+        if result.iterations > 0:  # else the camera cannot see the start
             before, iterations = error(mesh.outer(moved[k])), result.iterations
             if result.pose is not None and result.stopped_by is not StopReason.MAX_ITERATIONS:
                 after = error(result.pose)

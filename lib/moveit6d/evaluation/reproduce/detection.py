@@ -19,7 +19,7 @@ from ...datasets.sequences import Sequence as Video
 from ...datasets.video import Image
 from ...estimation import Detection, PoseDetector, SelectionCriterion, Target, refine_batch
 from ...estimation.detector import Candidate, best_of
-from ...estimation.frame import prepare_frame
+from ...frame import prepare_frame
 from ...geometry.pose import Pose
 from ...visualization.charts import Curve, LineChart, Panel, Sheet
 from .. import metrics
@@ -140,7 +140,7 @@ def turned_starts(
         targets,
         policy=detector.policy,
         renderer=detector.renderer,
-        max_iterations=detector.max_iterations,
+        loop=detector.loop,
     )
     ways = []
     for k, result in enumerate(results):

@@ -1,4 +1,4 @@
-"""The paper's runtime table: milliseconds of one cycle, and of a frame.
+"""The paper's runtime table: milliseconds of one iteration, and of a frame.
 
 Never hides the rendering: the paper's figures leave it out, ours are given with and without.
 """
@@ -31,27 +31,29 @@ def reproduction(
         ("image preprocessing (crop, resize)", prepare, printed[0]),
         ("network", network, printed[1]),
         ("moving the pose", move, None),
-        ("cycle without rendering", without, printed[2]),
+        ("iteration without rendering", without, printed[2]),
         ("rendering", render, None),
-        ("whole cycle, rendering too", times.whole, None),
+        ("whole iteration, rendering too", times.whole, None),
     ]
-    tables = [Table("cycle", "One cycle (tab:runtime)", ("ms", "ours", "paper"), tuple(rows))]
+    tables = [
+        Table("iteration", "One iteration (tab:runtime)", ("ms", "ours", "paper"), tuple(rows))
+    ]
     if tracks:
         tables.append(_frames(tracks, without))
     chart = BarChart(
         "runtime",
-        "One cycle",
+        "One iteration",
         "ms",
         ("preprocessing", "network", "moving", "rendering"),
         {"ours": (prepare, network, move, render), "paper": (printed[0], printed[1], None, None)},
     )
     notes = (
-        "Ours is the median of the cycles, all on the CPU; the paper's network ran on a GPU.",
+        "Ours is the median of the iterations, all on the CPU; the paper's network ran on a GPU.",
         *published.NOTES["tab:runtime"],
     )
     return Reproduction(
         "runtime",
-        "Runtime of the action decision cycle",
+        "Runtime of an iteration",
         data,
         tuple(tables),
         (chart,),
@@ -61,7 +63,7 @@ def reproduction(
 
 
 def _frames(tracks: Sequence[ScoredTrack], iteration: float) -> Table:
-    """Cycles and milliseconds a frame, as tracked under the paper's protocol."""
+    """Iterations and milliseconds a frame, as tracked under the paper's protocol."""
     rows: list[tuple[Cell, ...]] = []
     iterations = np.concatenate([np.array(track.iterations, float) for track in tracks])
     times = np.concatenate([np.array(track.milliseconds, float) for track in tracks])
@@ -94,5 +96,5 @@ def _frames(tracks: Sequence[ScoredTrack], iteration: float) -> Table:
             None,
         )
     )
-    head = ("sequence", "frames", "cycles a frame", "ms, cycles × cycle", "ms measured")
+    head = ("sequence", "frames", "iterations a frame", "ms, iterations × iteration", "ms measured")
     return Table("frames", "What a frame takes", head, tuple(rows))

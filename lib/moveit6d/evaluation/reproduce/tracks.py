@@ -16,7 +16,7 @@ import torch
 
 from ...datasets.pose_files import PoseRow, by_frame, read_poses, write_poses
 from ...datasets.sequences import Sequence as Video
-from ...datasets.video import Frame
+from ...datasets.video import VideoFrame
 from ...errors import InputError
 from ...geometry.pose import Pose
 from ...io import read_json, write_json
@@ -34,7 +34,7 @@ class ScoredTrack:
     """One sequence's scored frames (N) beside their true poses, mesh file's frame.
 
     Frames whose pose was given by the protocol are left out; a frame without a pose keeps the last
-    one before it (`held` counts those); `steps` (N,) are cycles, `milliseconds` (N,) times.
+    one before it (`held` counts those); `iterations` and `milliseconds` (N,) are by frame.
     """
 
     video: Video
@@ -126,6 +126,6 @@ def _claim(settings: TrackSettings) -> None:
     write_json(path, facts)
 
 
-def _after(video: Video, count: int | None) -> Iterator[Frame]:
+def _after(video: Video, count: int | None) -> Iterator[VideoFrame]:
     later = (frame for frame in video.open() if frame.index > video.first)
     return later if count is None else itertools.islice(later, count)

@@ -45,10 +45,10 @@ def _room(
         image.paste(Image.fromarray(_surface(rng, edge, width, palette)), (0, 0))
     if edge < height:
         floor = Image.fromarray(_surface(rng, height, width, palette))
-        narrow = rng.uniform(0.0, 0.35) * width
-        corners = (0, 0, -narrow * 0.2, height, width + narrow * 0.2, height, width, 0)
-        if narrow > 1:  # seen obliquely: the far edge shows more of the floor
-            squeeze = (narrow / width * 2) / height
+        taper = rng.uniform(0.0, 0.35) * width
+        corners = (0, 0, -taper * 0.2, height, width + taper * 0.2, height, width, 0)
+        if taper > 1:  # seen obliquely: the far edge shows more of the floor
+            squeeze = (taper / width * 2) / height
             data = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, squeeze)
             floor = floor.transform(
                 (width, height), Image.Transform.PERSPECTIVE, data, Image.Resampling.BILINEAR

@@ -88,9 +88,9 @@ def hand(rng: np.random.Generator, scale: float = 1.0) -> Occluder:
     parts.append(_finger(np.array([-0.036, -0.015, 0.0]), thumb_turn, 0.2, 0.062, 0.0115))
     wrist = np.array([[0, y, 0.0] for y in np.linspace(-0.03, -0.42, 9)])
     arm = make.tube(wrist, np.linspace(0.026, 0.042, 9), 20).scaled((1.1, 1, 0.8))
-    bare_arm = rng.random() < 0.4
-    parts.append(arm if bare_arm else replace(arm, skin=1))
-    if not bare_arm:
+    uncovered = rng.random() < 0.4
+    parts.append(arm if uncovered else replace(arm, skin=1))
+    if not uncovered:
         cuff = make.tube(np.array([[0, -0.075, 0], [0, -0.10, 0.0]]), 0.036, 20)
         parts.append(replace(cuff.scaled((1.1, 1, 0.9)), skin=1))
     mirrored = (-1 if rng.random() < 0.5 else 1, 1, 1)

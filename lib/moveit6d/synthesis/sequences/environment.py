@@ -21,7 +21,7 @@ from ..augmentation.backgrounds import procedural_photo
 from ..objects.primitives import rotation
 from ..objects.shapes import random_object
 from .difficulty import Difficulty
-from .image_formation import Frame, Light, Material, composite, linear, render_layers
+from .image_formation import Light, LinearImage, Material, composite, linear, render_layers
 from .motion import SmoothPath
 
 Picture = NDArray[np.uint8]  # (H, W, 3)
@@ -93,7 +93,7 @@ class MovingBackground:
         self._pace = 2 * math.pi / 120 * speed
         self._middle = ((large[1] - 1) / 2, (large[0] - 1) / 2)
 
-    def __call__(self, time: float, offset: NDArray[np.float64]) -> Frame:
+    def __call__(self, time: float, offset: NDArray[np.float64]) -> LinearImage:
         """The part of the picture that the frame sees at a moment, sampled `offset` pixels off."""
         import cv2
 

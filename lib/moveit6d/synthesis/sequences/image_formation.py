@@ -19,7 +19,7 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...rendering.renderer import GBuffer, Renderer
 
-Frame = NDArray[np.float32]  # (H, W, 3) linear light
+LinearImage = NDArray[np.float32]  # (H, W, 3) linear light
 GAMMA = 2.2
 
 
@@ -46,7 +46,7 @@ class Layer:
 
     left: int
     top: int
-    color: Frame
+    color: LinearImage
     depth: NDArray[np.float32]  # (size, size), 0 where there is nothing
 
 
@@ -91,7 +91,7 @@ def render_layers(
     left, top, size = window
     count = len(poses)
     shift = torch.from_numpy(offsets) + torch.tensor([left, top], dtype=torch.float64)
-    intrinsics = camera.matrix().expand(count, 3, 3).clone()
+    intrinsics = camera.matrix.expand(count, 3, 3).clone()
     intrinsics[:, :2, 2] -= shift
     gbuffer = renderer.render([mesh] * count, poses, intrinsics, size)
     shadow = _shadow(renderer, mesh, poses[count // 2], light, gbuffer, intrinsics, poses)
@@ -114,7 +114,7 @@ def shade(gbuffer: GBuffer, light: Light, material: Material, lit: Tensor | floa
     return (color + material.gloss * key * shine) * gbuffer.mask
 
 
-def composite(frame: Frame, depth: NDArray[np.float32], layer: Layer) -> None:
+def composite(frame: LinearImage, depth: NDArray[np.float32], layer: Layer) -> None:
     """Put a layer over a frame where it is nearer than `depth` (H, W), which is kept up to date."""
     height, width = depth.shape
     size = len(layer.depth)
@@ -130,7 +130,7 @@ def composite(frame: Frame, depth: NDArray[np.float32], layer: Layer) -> None:
     frame[y0:y1, x0:x1][nearer] = layer.color[inside][nearer]
 
 
-def expose(rng: np.random.Generator, frame: Frame, sensor: Sensor) -> NDArray[np.uint8]:
+def expose(rng: np.random.Generator, frame: LinearImage, sensor: Sensor) -> NDArray[np.uint8]:
     """The picture (H, W, 3) uint8 that a camera makes of linear light."""
     import cv2
 
@@ -141,7 +141,7 @@ def expose(rng: np.random.Generator, frame: Frame, sensor: Sensor) -> NDArray[np
     return np.asarray(levels[(noisy.clip(0, 1) * 4095 + 0.5).astype(np.int16)])
 
 
-def linear(picture: NDArray[np.uint8]) -> Frame:
+def linear(picture: NDArray[np.uint8]) -> LinearImage:
     """A picture (H, W, 3) as linear light."""
     table = np.asarray((np.arange(256) / 255) ** GAMMA, np.float32)
     return table[picture]
@@ -152,7 +152,7 @@ def silhouette(
 ) -> NDArray[np.float32]:
     """Depth (size, size) of a centred pose, seen through the window (left, top, size)."""
     left, top, size = window
-    intrinsics = camera.crop(left, top, size, size).matrix()[None]
+    intrinsics = camera.crop(left, top, size, size).matrix[None]
     batch = Pose(pose.rotation[None], pose.translation[None])
     return np.asarray(renderer.render([mesh], batch, intrinsics, size).depth[0, 0].numpy())
 

@@ -16,13 +16,13 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image
 
-from ...datasets.pose_files import POSE_COLUMNS, write_camera, write_pose
+from ...datasets.pose_files import POSE_COLUMNS, write_camera
 from ...errors import InputError
 from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...io import replacing_folder, write_json
-from ...rendering.renderer import make_renderer
+from ...rendering.backends import make_renderer
 from ..objects.mesh_file import write_glb
 from .board_occluder import plan_board_occluder
 from .difficulty import Difficulty, find_difficulty
@@ -78,7 +78,7 @@ def write_sequence(
             Image.fromarray(one.image).save(work / name, quality=quality, subsampling="4:2:0")
             rows.append(_row(number, name, one))
             if number == 0:
-                write_pose(work / "start.json", one.pose)
+                one.pose.save(work / "start.json")
             if on_frame is not None:
                 on_frame(number)
         write_camera(work / "camera.json", scene.camera)

@@ -19,7 +19,7 @@ class ClusterConfig:
     """Shares of the clusters and their ranges of the absolute values; signs are random.
 
     The paper draws each of the five clusters equally often. `near` is ours: all six axes within
-    `near_range`, where a tracker spends its last cycles.
+    `near_range`, where a tracker spends its last iterations.
     """
 
     one_small: float = 0.2

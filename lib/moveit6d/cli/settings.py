@@ -1,0 +1,160 @@
+"""Command-line options for every field of a configuration, and --config for a file of them.
+
+Never knows what a setting does; names, types, defaults and texts are those of `config`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import re
+import sys
+import types
+import typing
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from ..config import TrackerConfig
+from ..errors import InputError
+
+# Options that are wanted often, beside the full name.
+SHORT = {"loop.mode": "--mode", "loop.max_iterations": "--max_iterations"}
+OFF = {
+    "multi_start.enabled": "--no_multi_start",
+    "contour.enabled": "--no_contour",
+    "calibration.enabled": "--no_calibration",
+}
+DEFAULT = TrackerConfig()
+PREFIX = "setting:"  # of the names under which argparse keeps them
+
+
+def add_settings(parser: argparse.ArgumentParser, base: TrackerConfig = DEFAULT) -> None:
+    """Add --config and an option for each field; `base` are the defaults that help shows."""
+    parser.add_argument(
+        "--config",
+        type=Path,
+        metavar="FILE",
+        help="settings as a YAML file, nested as the options below; these go before it",
+    )
+    group = parser.add_argument_group(
+        "settings", "Every setting of tracking; written to summary.json. Tuples as '[1, 2]'."
+    )
+    for name, kind, text, value in fields_of(base):
+        options = [f"--{name}", *([SHORT[name]] if name in SHORT else [])]
+        group.add_argument(
+            *options,
+            dest=PREFIX + name,
+            metavar=_metavar(kind),
+            default=argparse.SUPPRESS,
+            help=f"{text} (default: {_shown(value)})".replace("%", "%%"),
+        )
+        if name in OFF:
+            group.add_argument(
+                OFF[name],
+                dest=PREFIX + name,
+                action="store_const",
+                const="false",
+                default=argparse.SUPPRESS,
+                help=f"the same as --{name} false",
+            )
+
+
+def settings_of(args: argparse.Namespace, base: TrackerConfig = DEFAULT) -> TrackerConfig:
+    """The configuration that the options ask for, with `base` where they say nothing.
+
+    `InputError` names the option or the file that cannot be used.
+    """
+    given = [
+        (name.removeprefix(PREFIX), value)
+        for name, value in vars(args).items()
+        if name.startswith(PREFIX)
+    ]
+    file: Path | None = getattr(args, "config", None)
+    if not given and file is None:
+        return base
+    if file is not None and not file.is_file():
+        raise InputError(f"{file} does not exist; --config takes a YAML file of settings.")
+    import jsonargparse
+
+    parser = jsonargparse.ArgumentParser(exit_on_error=False)
+    parser.add_class_arguments(TrackerConfig, None)
+    parser.set_defaults(_flat(base.as_dict()))
+    parser.add_argument("--config", action="config")
+    try:
+        if file is not None:
+            parser.parse_args([f"--config={file}"])  # so that an error in it names the file
+        words = [] if file is None else [f"--config={file}"]
+        found = parser.instantiate(parser.parse_args([*words, *(f"--{n}={v}" for n, v in given)]))
+    except (argparse.ArgumentError, jsonargparse.ArgumentError) as error:
+        raise InputError(_sentence(str(error), file)) from None
+    values = {field.name: found[field.name] for field in dataclasses.fields(TrackerConfig)}
+    return TrackerConfig(**values)
+
+
+def fields_of(config: Any, prefix: str = "") -> Iterator[tuple[str, Any, str, Any]]:
+    """Dotted name, type, text and value of every field of a configuration and those inside it."""
+    kinds = typing.get_type_hints(type(config), vars(sys.modules[type(config).__module__]))
+    texts = argument_texts(type(config))
+    for field in dataclasses.fields(config):
+        name, value = prefix + field.name, getattr(config, field.name)
+        if dataclasses.is_dataclass(value):
+            yield from fields_of(value, f"{name}.")
+        else:
+            yield name, kinds[field.name], texts[field.name], value
+
+
+def argument_texts(kind: type) -> dict[str, str]:
+    """What a class's docstring says of each of its `Args`."""
+    block = (kind.__doc__ or "").partition("Args:\n")[2].partition("\n\n")[0]
+    found: dict[str, str] = {}
+    for line in block.splitlines():
+        start = re.match(r"        (\w+): (.*)", line)
+        if start:
+            name = start[1]
+            found[name] = start[2]
+        elif line.strip() and found:
+            found[name] += " " + line.strip()
+    return {name: text.rstrip(".") for name, text in found.items()}
+
+
+def _metavar(kind: Any) -> str:
+    """How help shows a type."""
+    if typing.get_origin(kind) in (typing.Union, types.UnionType):
+        kind = next(one for one in typing.get_args(kind) if one is not type(None))
+    if typing.get_origin(kind) is typing.Literal:
+        return "{" + ",".join(map(str, typing.get_args(kind))) + "}"
+    names = {int: "N", float: "X", bool: "BOOL", str: "NAME"}
+    return names.get(kind, "LIST")
+
+
+def _shown(value: Any) -> str:
+    """How help shows a default."""
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(_shown, value)) + "]"
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested settings by dotted name."""
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, dict):
+            found |= _flat(value, f"{prefix}{name}.")
+        else:
+            found[prefix + name] = value
+    return found
+
+
+def _sentence(text: str, file: Path | None) -> str:
+    """One sentence from the parser's report."""
+    key = re.search(r'[Kk]ey "([\w.]+)"', text)
+    value = re.search(r"(?:Given|Got) value: (.*)", text)
+    known = {name: kind for name, kind, _, _ in fields_of(DEFAULT)}
+    if key and value and key[1] in known:
+        kind = str(known[key[1]]).replace("typing.", "")
+        kind = getattr(known[key[1]], "__name__", kind) if "[" not in kind else kind
+        return f"Setting {key[1]} must be {kind}, found {value[1].strip()!r}."
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    where = "the settings" if file is None else str(file)
+    return f"{where}: {' '.join(lines[:2])}"

@@ -1,0 +1,310 @@
+"""Every setting of tracking and detection, with its default and what it does.
+
+Never imports torch and never computes anything: a configuration is plain data, to be written to
+files, compared and sent to other processes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, Literal
+
+from .errors import InputError
+
+
+class ActionMode(StrEnum):
+    """How a prediction becomes a `PoseAction`."""
+
+    SINGLE = "single"  # the paper: the best of the 13 actions, one step size long
+    ALL_AXES = "all_axes"  # all six axes of the real-valued delta at once
+
+
+Mode = Literal["single", "all_axes"]
+
+# The paper's limit for single actions. With all axes at once 74.4, 76.9 and 76.2 % of far starts,
+# a third of them occluded, end below 10 % of the diameter with six, eight and eleven.
+MAX_ITERATIONS = {ActionMode.SINGLE: 30, ActionMode.ALL_AXES: 8}
+
+
+@dataclass(frozen=True)
+class LoopConfig:
+    """The refinement loop.
+
+    Args:
+        mode: single (the paper's: one of 13 actions an iteration) or all_axes (the whole pose delta
+            at once); None takes the policy's own.
+        max_iterations: limit for one frame; None means 30 in mode single and 8 in mode all_axes.
+        step_size: length of single actions, in action units.
+        fine_stage: near the object the crop shows its middle, enlarged (mode all_axes only).
+        fine_scale: how many times larger, which makes action units as many times smaller.
+        fine_threshold: the fine stage begins once the delta is below this on every axis.
+        augment: single images get one more iteration with test-time augmentation (mode all_axes).
+    """
+
+    mode: Mode | None = None
+    max_iterations: int | None = None
+    step_size: float = 1.0
+    fine_stage: bool = True
+    fine_scale: float = 1.6
+    fine_threshold: float = 5.0
+    augment: bool = True
+
+    def __post_init__(self) -> None:
+        if self.mode is not None and self.mode not in list(ActionMode):
+            raise InputError(
+                f"LoopConfig: there is no mode {self.mode!r}; choose one of "
+                f"{', '.join(ActionMode)}."
+            )
+        if self.max_iterations is not None and self.max_iterations < 1:
+            raise InputError(
+                f"LoopConfig: max_iterations must be 1 or more, found {self.max_iterations}."
+            )
+        if not self.step_size > 0 or not self.fine_scale >= 1:
+            raise InputError(
+                "LoopConfig: step_size must be positive and fine_scale 1 or more, found "
+                f"{self.step_size} and {self.fine_scale}."
+            )
+
+    def limit(self, mode: ActionMode) -> int:
+        """The limit of iterations in a mode."""
+        return MAX_ITERATIONS[mode] if self.max_iterations is None else self.max_iterations
+
+
+@dataclass(frozen=True)
+class PerturbationConfig:
+    """Random starts around a pose.
+
+    Args:
+        count: how many starts.
+        shift: largest shift on t_x, t_y and t_z, in action units.
+        turn: smallest and largest rotation, in degrees.
+        fine: start in the fine stage.
+    """
+
+    count: int
+    shift: tuple[float, float, float]
+    turn: tuple[float, float]
+    fine: bool = False
+
+
+@dataclass(frozen=True)
+class MultiStartConfig:
+    """Refinement from perturbed starts while the confidence is low (mode all_axes only).
+
+    Args:
+        enabled: whether to do it at all.
+        recovery: in a video: starts around each of the three recovery poses (the last pose, the
+            last confident one, and where its motion leads). Wider ones find a lost object no more
+            often, and more often something else.
+        recovery_first: in a video: the first frames of low confidence in a row, so many of them,
+            have recovery starts.
+        recovery_every: in a video: after those, one frame in so many has recovery starts, so that a
+            lost object costs a few times the time of one that is followed, not twenty times.
+        race: in a video: after one iteration only the most confident recovery start goes on.
+        around_start: in a single image: starts around the given pose.
+        around_result: in a single image: starts around the refined pose.
+        rounds: in a single image: how often to try.
+        batch_size: starts refined in one batch, which bounds the memory.
+        duplicate_delta: two starts within so many action units on every axis lead to the same pose,
+            so that one of them is enough.
+    """
+
+    enabled: bool = True
+    recovery: PerturbationConfig = PerturbationConfig(3, (25.0, 25.0, 8.0), (10.0, 30.0))
+    recovery_first: int = 2
+    recovery_every: int = 3
+    race: bool = True
+    around_start: PerturbationConfig = PerturbationConfig(6, (15.0, 15.0, 8.0), (5.0, 20.0))
+    around_result: PerturbationConfig = PerturbationConfig(4, (3.0, 3.0, 3.0), (2.0, 6.0), True)
+    rounds: int = 2
+    batch_size: int = 32
+    duplicate_delta: float = 3.0
+
+
+@dataclass(frozen=True)
+class MotionConfig:
+    """The constant-velocity model of a track.
+
+    Args:
+        slow_delta: an object that moved by less than this on every axis, in action units, starts
+            the next frame in the fine stage.
+        velocity_rate: share of the mean velocity that each confident frame replaces.
+        velocity_decay: share of its velocity that an unseen object keeps from frame to frame.
+    """
+
+    slow_delta: float = 6.0
+    velocity_rate: float = 0.5
+    velocity_decay: float = 0.93
+
+
+@dataclass(frozen=True)
+class ContourConfig:
+    """Region-based refinement of the pose after the loop (SRT3D's terms).
+
+    Args:
+        enabled: whether to do it at all.
+        scales: pixels a segment of the correspondence lines, one Gauss-Newton step each; one
+            rendering for each inner list.
+        lines: correspondence lines at most.
+        min_lines: below this many the pose is left as it is.
+        prior: standard deviation of the given pose on the six axes, in action units: the smaller,
+            the less the contour weighs.
+        correlation: so many neighbouring lines, which err alike, weigh as one.
+        outlier: pixels beyond which a line loses weight: something occludes the contour there.
+        max_step: largest step on an axis, in action units.
+        max_delta: largest change in all, in action units; beyond it the given pose is kept.
+        reach: contour distances compared, in segments to either side.
+        window: segments to either side of a contour distance that it is judged by.
+        amplitude: of the smoothed step function: 0.5 would trust every pixel.
+        slope: of the smoothed step function, in segments.
+        min_deviation: no line is taken to be more exact than this, in segments.
+        normal_blur: pixels over which the direction of the contour is averaged.
+        bins: of a colour channel.
+        bin_blur: Gaussian over neighbouring bins.
+        band: pixels to either side of the contour whose colours are counted.
+        min_pixels: below this many on either side there are no histograms.
+        rare: density under which a colour says nothing.
+        pixel_error: the least probability that a single pixel is wrong.
+        histogram_rate: share of a track's histograms that each frame replaces.
+    """
+
+    enabled: bool = True
+    scales: tuple[tuple[int, ...], ...] = ((2, 2), (1, 1))
+    lines: int = 200
+    min_lines: int = 20
+    prior: tuple[float, float, float, float, float, float] = (0.4, 0.4, 0.9, 0.9, 0.9, 0.6)
+    correlation: float = 5.0
+    outlier: float = 3.0
+    max_step: float = 5.0
+    max_delta: float = 8.0
+    reach: int = 6
+    window: int = 4
+    amplitude: float = 0.36
+    slope: float = 0.8
+    min_deviation: float = 0.7
+    normal_blur: float = 2.0
+    bins: int = 32
+    bin_blur: float = 1.0
+    band: float = 16.0
+    min_pixels: int = 30
+    rare: float = 1e-6
+    pixel_error: float = 0.02
+    histogram_rate: float = 0.2
+
+
+@dataclass(frozen=True)
+class CalibrationConfig:
+    """Calibration from a frame in which the pose is exact.
+
+    Args:
+        enabled: whether commands that know the first pose exactly calibrate from it.
+        pairs: perturbed starts to either side of the known pose.
+        spread: their standard deviation on the six axes, in action units.
+        share: part of the depth bias found in one frame that lasts; the rest belongs to that view.
+        max_bias: largest depth bias, in action units: more is a pose that is not exact.
+    """
+
+    enabled: bool = True
+    pairs: int = 4
+    spread: tuple[float, float, float, float, float, float] = (1.0, 1.0, 1.0, 1.5, 1.5, 1.5)
+    share: float = 0.6
+    max_bias: float = 3.0
+
+
+@dataclass(frozen=True)
+class TrackerConfig:
+    """Everything that decides a track besides the policy and the renderer.
+
+    Args:
+        low_confidence: below it a pose is taken to be wrong: recovery starts, no histograms.
+        high_confidence: from it on a motion is continued and a pose is gone back to; in between an
+            object is half occluded or blurred, and its seeming motion would mislead.
+        loop: the refinement loop.
+        multi_start: refinement from perturbed starts.
+        motion: the constant-velocity model.
+        contour: region-based refinement.
+        calibration: calibration from the first frame.
+
+    Example:
+        >>> from moveit6d import TrackerConfig
+        >>> from moveit6d.config import ContourConfig
+        >>> TrackerConfig(contour=ContourConfig(enabled=False)).contour.enabled
+        False
+    """
+
+    low_confidence: float = 0.5
+    high_confidence: float = 0.65
+    loop: LoopConfig = field(default_factory=LoopConfig)
+    multi_start: MultiStartConfig = field(default_factory=MultiStartConfig)
+    motion: MotionConfig = field(default_factory=MotionConfig)
+    contour: ContourConfig = field(default_factory=ContourConfig)
+    calibration: CalibrationConfig = field(default_factory=CalibrationConfig)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.low_confidence <= self.high_confidence <= 1:
+            raise InputError(
+                "TrackerConfig: 0 ≤ low_confidence ≤ high_confidence ≤ 1 is needed, found "
+                f"{self.low_confidence} and {self.high_confidence}."
+            )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Every setting as plain values, nested as here."""
+        return dataclasses.asdict(self)
+
+
+# The paper's method without anything beyond it.
+PAPER_CONFIG = TrackerConfig(
+    loop=LoopConfig(mode="single", fine_stage=False, augment=False),
+    multi_start=MultiStartConfig(enabled=False),
+    contour=ContourConfig(enabled=False),
+    calibration=CalibrationConfig(enabled=False),
+)
+
+
+class SelectionCriterion(StrEnum):
+    """How the best of a detector's candidates is chosen."""
+
+    ITERATIONS = "iterations"  # the paper: the fewest iterations; among equals the shortest path
+    CONFIDENCE = "confidence"  # the policy's confidence in the last pose
+
+
+@dataclass(frozen=True)
+class SeedDetectorConfig:
+    """How a `PoseDetector` searches an image.
+
+    Args:
+        sizes: widths of the object that are tried, in shares of the image's shorter side; the
+            extent of the field's sink then says more.
+        poses: random orientations that the seeds show. The paper has one; the mean of several is
+            much steadier.
+        sinks: how many of the strongest sinks of all sizes are refined. The paper has one.
+        rotations: size of the coarse grid over all rotations, at every sink.
+        seed: of the random orientations.
+        criterion: chooses the candidate: the policy's confidence, or as in the paper the fewest
+            iterations to stop, among equals the shortest path.
+        loop: the refinement loop of each candidate; with criterion iterations `max_iterations` None
+            means the paper's 30, so that loops end by themselves.
+    """
+
+    sizes: tuple[float, ...] = (0.13, 0.2, 0.3)
+    poses: int = 4
+    sinks: int = 3
+    rotations: int = 60
+    seed: int = 0
+    criterion: Literal["confidence", "iterations"] = "confidence"
+    loop: LoopConfig = field(default_factory=LoopConfig)
+
+    def __post_init__(self) -> None:
+        if not self.sizes or min(self.sizes) <= 0:
+            raise InputError(
+                f"SeedDetectorConfig: sizes must be positive shares, found {self.sizes}."
+            )
+        if min(self.poses, self.sinks, self.rotations) < 1:
+            raise InputError("SeedDetectorConfig: poses, sinks and rotations must be 1 or more.")
+        if self.criterion not in list(SelectionCriterion):
+            raise InputError(
+                f"SeedDetectorConfig: there is no criterion {self.criterion!r}; choose one of "
+                f"{', '.join(SelectionCriterion)}."
+            )

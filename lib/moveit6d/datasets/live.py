@@ -1,0 +1,136 @@
+"""Frames that come by themselves: of a camera beside this machine, or from an address in the net.
+
+Never keeps a frame for longer than the next one needs to come: who is too slow misses frames, but
+never sees the past.
+"""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Iterator
+from typing import Any
+from urllib.parse import urlsplit
+
+from ..errors import InputError
+from .video import FrameSource, VideoFrame, to_upright_rgb
+
+# Protocols of PyAV's ffmpeg; files that are fetched (http) are waited for, streams are not.
+STREAMED = ("rtsp", "rtsps", "rtmp", "rtmps", "rtp", "udp", "srt", "tcp", "mms")
+FETCHED = ("http", "https", "ftp")
+PATIENCE = 10.0  # seconds without an answer after which a connection is given up
+
+
+def is_address(source: str) -> bool:
+    """Whether a text is an address in the net and no path."""
+    scheme = re.match(r"([a-z][a-z0-9+]*)://", source.lower())
+    return scheme is not None and scheme[1] in (*STREAMED, *FETCHED)
+
+
+class NetworkVideo:
+    """The frames of a video at an address: rtsp://…, http://… and what else ffmpeg knows.
+
+    `live` says whether it goes on without us. A connection that breaks is one last frame with an
+    error. User name and password of the address are in no name and no message.
+    """
+
+    length: int | None = None
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        parts = urlsplit(address)
+        self.live = parts.scheme.lower() in STREAMED
+        self.name = f"{parts.scheme}://{parts.hostname or ''}{parts.path}"
+        with self._open() as container:
+            if not container.streams.video:
+                raise InputError(f"{self.name} holds no video.")
+            rate = container.streams.video[0].average_rate
+            self.fps: float | None = float(rate) if rate else None
+
+    def __iter__(self) -> Iterator[VideoFrame]:
+        import av
+
+        index = 0
+        try:
+            with self._open() as container:
+                for picture in container.decode(container.streams.video[0]):
+                    yield VideoFrame(index, f"{self.name}#{index:06d}", to_upright_rgb(picture))
+                    index += 1
+        except (av.error.FFmpegError, OSError) as error:
+            message = f"{self.name} gave no more frames ({_reason(error)})."
+            yield VideoFrame(index, f"{self.name}#{index:06d}", None, message)
+
+    def _open(self) -> Any:
+        import av
+
+        options = {"rtsp_transport": "tcp"} if self._address.lower().startswith("rtsp") else {}
+        try:
+            return av.open(self._address, options=options, timeout=PATIENCE)
+        except (av.error.FFmpegError, OSError, ValueError) as error:
+            raise InputError(
+                f"{self.name} cannot be opened ({_reason(error)}); is the address right, and does "
+                "it answer from here?"
+            ) from None
+
+
+class Latest:
+    """The newest frame of a source each time one is asked for; those in between are left out.
+
+    Reading goes on in a thread of its own, which ends with the source or as soon as the iteration
+    is given up.
+    """
+
+    def __init__(self, source: FrameSource) -> None:
+        self.source = source
+
+    @property
+    def length(self) -> int | None:
+        """How many frames there should be."""
+        return self.source.length
+
+    @property
+    def fps(self) -> float | None:
+        """Frames a second, as they come."""
+        return self.source.fps
+
+    def __iter__(self) -> Iterator[VideoFrame]:
+        newest: list[VideoFrame | BaseException | None] = []
+        changed, given_up = threading.Condition(), threading.Event()
+
+        def put(item: VideoFrame | BaseException | None) -> None:
+            with changed:
+                # The end and errors are never overtaken.
+                if newest and isinstance(newest[-1], VideoFrame) and newest[-1].error is None:
+                    newest.pop()
+                newest.append(item)
+                changed.notify()
+
+        def read() -> None:
+            try:
+                for frame in self.source:
+                    if given_up.is_set():
+                        return
+                    put(frame)
+                put(None)
+            except BaseException as error:  # belongs to who iterates
+                put(error)
+
+        reader = threading.Thread(target=read, name="live frames", daemon=True)
+        reader.start()
+        try:
+            while True:
+                with changed:
+                    while not newest:
+                        changed.wait()
+                    item = newest.pop(0)
+                if item is None:
+                    return
+                if isinstance(item, BaseException):
+                    raise item
+                yield item
+        finally:
+            given_up.set()
+
+
+def _reason(error: BaseException) -> str:
+    return str(getattr(error, "strerror", None) or type(error).__name__)

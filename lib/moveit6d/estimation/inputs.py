@@ -1,0 +1,93 @@
+"""What users hand to trackers, estimators and detectors, as the types that they work with.
+
+Never opens a file: a path where an object is meant is an error that names who reads it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from torch import Tensor
+
+from ..errors import InputError
+from ..geometry.camera import Camera
+from ..geometry.mesh import Mesh
+from ..geometry.pose import Pose
+
+
+def meshes_of(meshes: Any) -> list[Mesh]:
+    """One mesh or several as a list; `InputError` for anything else."""
+    given = [meshes] if isinstance(meshes, Mesh) or not _is_list(meshes) else list(meshes)
+    for mesh in given:
+        if not isinstance(mesh, Mesh):
+            raise InputError(
+                f"The mesh must be a Mesh, found {_kind(mesh)}; Mesh.load(path, unit) reads one."
+            )
+    return given
+
+
+def camera_of(camera: Any) -> Camera:
+    """The camera itself; `InputError` for anything else."""
+    if not isinstance(camera, Camera):
+        raise InputError(
+            f"The camera must be a Camera, found {_kind(camera)}; "
+            "Camera.from_matrix(K, width, height, distortion) or Camera.load(path) makes one."
+        )
+    return camera
+
+
+def poses_of(poses: Any, name: str = "Start pose") -> list[Pose]:
+    """One pose or several as a list: `Pose`, 4×4 matrices of any kind of array, lists of both."""
+    if isinstance(poses, Pose):
+        return [poses] if not poses.batch_shape else [poses[k] for k in range(len(poses))]
+    shape = _shape(poses)
+    if shape[-2:] == (4, 4) and len(shape) <= 3:
+        found = Pose.from_matrix(_array(poses))
+        return poses_of(found)
+    if not _is_list(poses):
+        raise InputError(
+            f"{name} must be a Pose or a 4×4 matrix, found {_kind(poses)}; "
+            "Pose.checked(rotation, translation) makes one."
+        )
+    return [pose for one in poses for pose in poses_of(one, name)]
+
+
+def pose_of(pose: Any, name: str = "Start pose") -> Pose:
+    """A single pose; `InputError` for several."""
+    if isinstance(pose, Pose):
+        return pose
+    found = poses_of(pose, name)
+    if len(found) != 1:
+        raise InputError(f"{name} must be a single one, found {len(found)}.")
+    return found[0]
+
+
+def _is_list(value: Any) -> bool:
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
+
+
+def _shape(value: Any) -> tuple[int, ...]:
+    """The shape of an array or of nested lists of numbers; empty for anything else."""
+    if isinstance(value, np.ndarray | Tensor):
+        return tuple(value.shape)
+    if not _is_list(value) or any(isinstance(one, Pose) for one in value):
+        return ()
+    try:
+        return np.asarray(value, np.float64).shape
+    except (TypeError, ValueError):
+        return ()
+
+
+def _array(value: Any) -> Any:
+    return value.detach().cpu().numpy() if isinstance(value, Tensor) else np.asarray(value)
+
+
+def _kind(value: Any) -> str:
+    """What a value is, in few words."""
+    if isinstance(value, np.ndarray | Tensor):
+        return f"an array of shape {tuple(value.shape)}"
+    if isinstance(value, str):
+        return f"the text {value!r:.60}"
+    return type(value).__name__

@@ -1,0 +1,123 @@
+"""What goes into the refinement of a pose and what comes out.
+
+Never computes a pose. Users' poses (`Target`, `TrackingResult`) are in the mesh file's frame;
+inside, poses are centred and called so (`Start`, `Refined`), and are converted here, once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import torch
+
+from ..frame import Frame, prepare_frame
+from ..geometry.camera import Camera
+from ..geometry.mesh import Mesh
+from ..geometry.pose import Pose
+from ..typing import ImageLike
+
+
+class StopReason(StrEnum):
+    """Why a loop ended."""
+
+    STOP_ACTION = "stop_action"
+    REVISITED = "revisited"  # a pose of this loop came again: oscillation
+    MAX_ITERATIONS = "max_iterations"
+    FAILED = "failed"  # no pose; the result's `error` says why
+
+
+@dataclass(frozen=True)
+class Target:
+    """One object to refine in one image, with its pose in the mesh file's frame.
+
+    `image` is RGB (H, W, 3), or a `Frame` if several targets share it.
+    """
+
+    image: ImageLike | Frame
+    camera: Camera
+    mesh: Mesh
+    pose: Pose
+
+
+@dataclass(frozen=True)
+class TrackingResult:
+    """The outcome of a refinement.
+
+    `pose` is unbatched float64 in the mesh file's frame, None if it failed, and then `error` says
+    why. `confidence` in [0, 1] is the policy's probability that the pose is right; it is that of
+    the pose at the end of the loop, before contour refinement moved it. `localizability` in [0, 1]
+    is the probability that a pose which looks right is right (`localizability`). `milliseconds`
+    passed until this object was done.
+    """
+
+    pose: Pose | None
+    iterations: int
+    stopped_by: StopReason
+    confidence: float
+    milliseconds: float
+    error: str | None = None
+    localizability: float = 0.0
+
+    @property
+    def score(self) -> float:
+        """How likely the pose is within a tenth of the diameter: both probabilities together."""
+        return self.confidence * self.localizability
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a loop starts: a frame, a mesh and a centred pose, float64.
+
+    `depth_bias` are the units of t_z that the policy is known to be off by in the fine stage
+    (`calibration`); with `fine` the loop starts there.
+    """
+
+    frame: Frame
+    mesh: Mesh
+    centred: Pose
+    depth_bias: float = 0.0
+    fine: bool = False
+
+
+@dataclass(frozen=True)
+class Refined:
+    """The outcome of a loop: as `TrackingResult`, with a centred pose."""
+
+    centred: Pose | None
+    iterations: int
+    stopped_by: StopReason
+    confidence: float
+    milliseconds: float
+    error: str | None = None
+    localizability: float = 0.0
+
+    def result(self, mesh: Mesh) -> TrackingResult:
+        """The outcome as users get it, in the mesh file's frame."""
+        pose = None if self.centred is None else mesh.outer(self.centred)
+        return TrackingResult(
+            pose,
+            self.iterations,
+            self.stopped_by,
+            self.confidence,
+            self.milliseconds,
+            self.error,
+            self.localizability,
+        )
+
+
+def starts_of(targets: Sequence[Target]) -> list[Start]:
+    """The starts of targets; images that several of them share are prepared once.
+
+    `InputError` if an image does not fit its camera.
+    """
+    prepared: dict[tuple[int, Camera], Frame] = {}
+    starts = []
+    for target in targets:
+        key = (id(target.image), target.camera)
+        if key not in prepared:
+            prepared[key] = prepare_frame(target.image, target.camera)
+        centred = target.mesh.inner(target.pose.to(torch.float64))
+        starts.append(Start(prepared[key], target.mesh, centred))
+    return starts

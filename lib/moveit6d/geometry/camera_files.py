@@ -1,0 +1,135 @@
+"""Reads cameras as others write them: ROS camera_info, OpenCV, RealSense, Kalibr, and our JSON.
+
+Never guesses: a key that it does not know, or two that contradict each other, is an error that
+names it. What stands in a file under which name is `camera_keys`'s.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from ..errors import InputError
+from .camera import Camera
+from .camera_keys import camera_of
+
+LARGEST = 4_000_000  # bytes; calibrations with all their corners have some hundred thousand
+SUFFIXES = (".json", ".yaml", ".yml", ".xml")
+
+
+def read_camera_file(path: Path) -> Camera:
+    """The camera of a file, whatever of the known forms it has; see `Camera.load`.
+
+    `InputError` names the file and what in it cannot be used.
+    """
+    text = _text(path)
+    start = text.lstrip()[:1]
+    if path.suffix.lower() == ".xml" or start == "<":
+        content = _xml(text, path)
+    elif path.suffix.lower() == ".json" or start == "{":
+        content = _json(text, path)
+    else:
+        content = _yaml(text, path)
+    if not isinstance(content, Mapping):
+        kind = "JSON object in braces, " if path.suffix.lower() == ".json" else ""
+        raise InputError(
+            f"{path} holds no camera: {kind}named values such as fx, fy, cx, cy, width and "
+            "height, or camera_matrix, image_width and image_height, are needed."
+        )
+    try:
+        return camera_of(content)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.is_file() and (size := path.stat().st_size) > LARGEST:
+            raise InputError(f"{path} is too large for a camera file ({size} bytes).")
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path} is not a file; a camera file was to be read.")
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist.") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not a text file: {error}.") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
+
+
+def _json(text: str, path: Path) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path} is not a JSON file: {_short(error)}.") from None
+
+
+def _yaml(text: str, path: Path) -> Any:
+    """The first document: ROS' echo ends each message with a line of dashes."""
+    import yaml
+
+    # OpenCV writes %YAML:1.0 where YAML wants a blank, and its matrices with a tag of their own.
+    lines = [line for line in text.splitlines() if not line.startswith("%YAML")]
+    try:
+        documents = yaml.load_all("\n".join(lines), _loader())
+        return next((content for content in documents if content is not None), None)
+    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
+        raise InputError(f"{path} is not a YAML file: {_short(error)}.") from None
+
+
+def _loader() -> Any:
+    """PyYAML's safe loader with OpenCV's matrices, and without aliases, which can grow at will."""
+    import yaml
+
+    class Loader(yaml.SafeLoader):  # type: ignore[misc]
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            if self.check_event(yaml.events.AliasEvent):
+                raise yaml.YAMLError("a camera file needs no aliases")
+            return super().compose_node(parent, index)
+
+    def matrix(loader: Any, node: Any) -> Any:
+        return loader.construct_mapping(node, deep=True)
+
+    Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", matrix)
+    Loader.add_constructor("!opencv-matrix", matrix)
+    return Loader
+
+
+def _xml(text: str, path: Path) -> Any:
+    """OpenCV's XML as the mapping that its YAML would be."""
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise InputError(f"{path}: a camera file needs no DOCTYPE.")
+    try:
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError, RecursionError) as error:
+        raise InputError(f"{path} is not an XML file: {_short(error)}.") from None
+    if root.tag != "opencv_storage":
+        raise InputError(
+            f"{path}: an XML file of OpenCV begins with opencv_storage, found {root.tag:.40}."
+        )
+    return {node.tag: _value(node) for node in root}
+
+
+def _value(node: ElementTree.Element) -> Any:
+    if len(node):
+        return {child.tag: _value(child) for child in node}
+    words = (node.text or "").split()
+    numbers = [_number(word) for word in words]
+    if not words or any(isinstance(number, str) for number in numbers):
+        return (node.text or "").strip().strip('"')
+    return numbers if len(numbers) > 1 or node.tag == "data" else numbers[0]
+
+
+def _number(word: str) -> float | str:
+    try:
+        return float(word)
+    except ValueError:
+        return word
+
+
+def _short(error: BaseException) -> str:
+    """One line of a parser's message."""
+    return " ".join(str(error).split())[:160].rstrip(".")

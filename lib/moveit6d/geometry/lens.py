@@ -1,0 +1,184 @@
+"""Lens distortion: where a real lens, OpenCV's or its fisheye, puts what a pinhole would see.
+
+Never knows poses or meshes. Maps and points of arrays are OpenCV's own functions, points of tensors
+are kornia's; nothing here writes a lens's formula out again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..errors import InputError
+from ..typing import Float32, Float64, Mask
+
+DistortionModel = Literal["opencv", "fisheye"]
+# How many coefficients OpenCV's two models have.
+COUNTS: dict[str, tuple[int, ...]] = {"opencv": (4, 5, 8, 12, 14), "fisheye": (4,)}
+ORDER = "k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]"
+LARGEST = 1e6  # no lens has such a coefficient; beyond it the polynomials overflow
+_FAR = 1e6  # pixels: outside of every image, and exact in OpenCV's arithmetic
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A distortion that is not zero; `coefficients` in OpenCV's order.
+
+    `opencv`: k1, k2, p1, p2, then k3, then k4, k5, k6 (rational), s1 … s4 (thin prism), tau_x,
+    tau_y (tilted sensor). `fisheye`: k1 … k4 of the equidistant model (Kannala–Brandt).
+    """
+
+    model: DistortionModel
+    coefficients: tuple[float, ...]
+
+    @cached_property
+    def reach(self) -> float:
+        """Tangent of the angle to the axis up to which the lens shows each ray once.
+
+        Farther out the polynomial turns back and would show the image's middle again. Infinite
+        where it never does.
+        """
+        if self.model == "fisheye":
+            angle = np.linspace(0.0, math.pi / 2, 2001)[:-1]
+            shown = angle * _polynomial(angle**2, self.coefficients)
+            tangent = np.tan(angle)
+        else:
+            tangent = np.linspace(0.0, 10.0, 10001)
+            k = (*self.coefficients, *(0.0,) * 4)
+            square = tangent**2
+            above = _polynomial(square, (k[0], k[1], k[4]))
+            below = _polynomial(square, k[5:8] if len(self.coefficients) >= 8 else ())
+            shown = np.where(below > 0, tangent * above / np.where(below > 0, below, 1), -np.inf)
+        turns = np.flatnonzero(np.diff(shown) <= 0)
+        return float(tangent[turns[0]]) if len(turns) else math.inf
+
+    def project(self, points: Float64, matrix: Float64) -> Float64:
+        """Pixels (N, 2) of points (N, 3) in the camera's frame, z > 0, for K (3, 3)."""
+        import cv2
+
+        points = np.ascontiguousarray(points, np.float64).reshape(-1, 1, 3)
+        if not len(points):
+            return np.zeros((0, 2))
+        zero, lens = np.zeros(3), np.array(self.coefficients)
+        if self.model == "fisheye":
+            pixels, _ = cv2.fisheye.projectPoints(points, zero, zero, matrix, lens)
+        else:
+            pixels, _ = cv2.projectPoints(points, zero, zero, matrix, lens)
+        pixels = pixels.reshape(-1, 2)
+        pixels[:, 0] += _skewed(pixels[:, 1], matrix)
+        return np.asarray(pixels, np.float64)
+
+    def shows(self, points: Float64) -> Mask:
+        """Which of the points (N, 3) lie in front of the camera and within `reach`."""
+        z = points[:, 2]
+        aside = np.hypot(points[:, 0], points[:, 1])
+        inside: Mask = (z > 0) & (aside < self.reach * z)
+        return inside
+
+    def distort(self, plane: Tensor) -> Tensor:
+        """Points (..., 2) of the plane z = 1 as the lens moves them; differentiable (kornia)."""
+        flat = plane.reshape(-1, 2)
+        lens = flat.new_tensor(self.coefficients)
+        if self.model == "fisheye":
+            from kornia.geometry.camera import distort_points_kannala_brandt
+
+            moved = distort_points_kannala_brandt(
+                flat, torch.cat([lens.new_tensor([1.0, 1.0, 0.0, 0.0]), lens])
+            )
+        else:
+            from kornia.geometry.calibration import distort_points
+
+            eye = torch.eye(3, dtype=flat.dtype, device=flat.device)
+            moved = distort_points(flat, eye, lens)
+        found: Tensor = moved.reshape(plane.shape)
+        return found
+
+    def patch_map(
+        self, rotation: Float64, virtual: Float64, matrix: Float64, size: int
+    ) -> tuple[Float32, Float32]:
+        """Where each pixel of a virtual pinhole's picture, size × size, lies in the image.
+
+        `rotation` (3, 3) turns the camera's frame to the virtual camera's, `virtual` and `matrix`
+        are their intrinsics. Returns u and v (size, size); rays that the lens does not show lie far
+        outside.
+        """
+        u, v = self._rectify(rotation, virtual, matrix, (size, size), _float_maps())
+        line = np.arange(size, dtype=np.float64)
+        back = rotation.T @ np.linalg.inv(virtual)
+        rows = back[:, 1, None] * line + back[:, 2, None]
+        corners = [rows[:, i] + back[:, 0] * line[j] for i in (0, -1) for j in (0, -1)]
+        # z is linear and the tangent quasi-convex over the patch: the corners have the extremes.
+        if not self.shows(np.array(corners)).all():
+            rays = rows[:, :, None] + (back[:, 0, None] * line)[:, None]
+            shown = self.shows(rays.reshape(3, -1).T).reshape(size, size)
+            u, v = np.where(shown, u, np.float32(-_FAR)), np.where(shown, v, np.float32(-_FAR))
+        return u, v
+
+    def undistortion_maps(self, matrix: Float64, width: int, height: int) -> tuple[Any, Any]:
+        """OpenCV's fixed-point maps from the pinhole image to the real one, kept for next time."""
+        entries = tuple(float(value) for value in matrix.reshape(9))
+        return _kept_maps(self, entries, width, height)
+
+    def _rectify(
+        self, rotation: Float64, virtual: Float64, matrix: Float64, size: tuple[int, int], kind: int
+    ) -> tuple[Any, Any]:
+        import cv2
+
+        lens = np.array(self.coefficients)
+        module = cv2.fisheye if self.model == "fisheye" else cv2
+        u, v = module.initUndistortRectifyMap(matrix, lens, rotation, virtual, size, kind)
+        if kind == _float_maps() and matrix[0, 1]:
+            u = u + _skewed(v, matrix).astype(np.float32)
+        return u, v
+
+
+def checked_lens(model: str, coefficients: tuple[float, ...]) -> None:
+    """`InputError` unless there are as many coefficients as OpenCV knows, each of a lens."""
+    if model not in COUNTS:
+        known = " or ".join(repr(name) for name in COUNTS)
+        raise InputError(f"Camera: the distortion model is {model!r}, must be {known}.")
+    if len(coefficients) not in COUNTS[model]:
+        what = "k1, k2, k3, k4" if model == "fisheye" else ORDER
+        counts = " or ".join(str(count) for count in COUNTS[model])
+        raise InputError(
+            f"Camera: the {model} lens has {counts} coefficients ({what}), found "
+            f"{len(coefficients)}."
+        )
+    if not all(abs(value) <= LARGEST for value in coefficients):
+        raise InputError(
+            f"Camera: no lens has distortion coefficients such as {max(coefficients, key=abs):.3g}."
+        )
+
+
+@lru_cache(maxsize=2)  # a 4K camera's take 50 MB
+def _kept_maps(lens: Lens, entries: tuple[float, ...], width: int, height: int) -> tuple[Any, Any]:
+    import cv2
+
+    matrix = np.array(entries).reshape(3, 3)
+    size = (width, height)
+    u, v = lens._rectify(np.eye(3), matrix, matrix, size, _float_maps())
+    fixed: tuple[Any, Any] = cv2.convertMaps(u, v, cv2.CV_16SC2)
+    return fixed
+
+
+def _float_maps() -> int:
+    import cv2
+
+    return int(cv2.CV_32FC1)
+
+
+def _polynomial(square: Float64, coefficients: tuple[float, ...]) -> Float64:
+    """1 + c1·s + c2·s² + …"""
+    powers = np.polynomial.polynomial.polyval(square, (1.0, *coefficients))
+    return np.asarray(powers, np.float64)
+
+
+def _skewed(v: Any, matrix: Float64) -> Any:
+    """What the skew adds to u, which OpenCV leaves out: s·y for the distorted y of pixels' v."""
+    return matrix[0, 1] * (v - matrix[1, 2]) / matrix[1, 1]

@@ -1,0 +1,72 @@
+"""Options and files of settings become a configuration, or one sentence."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import pytest
+
+from moveit6d.cli.settings import add_settings, fields_of, settings_of
+from moveit6d.config import PAPER_CONFIG, TrackerConfig
+from moveit6d.errors import InputError
+
+
+def parsed(*options: str, base: TrackerConfig | None = None) -> TrackerConfig:
+    base = base or TrackerConfig()
+    parser = argparse.ArgumentParser()
+    add_settings(parser, base)
+    return settings_of(parser.parse_args(options), base)
+
+
+def test_without_options_it_is_the_base() -> None:
+    assert parsed() == TrackerConfig()
+    assert parsed(base=PAPER_CONFIG) is PAPER_CONFIG
+
+
+def test_every_field_has_an_option() -> None:
+    for name, _, _, value in fields_of(TrackerConfig()):
+        text = str(value).lower() if isinstance(value, bool) else str(value)
+        if isinstance(value, tuple):
+            text = text.replace("(", "[").replace(",)", "]").replace(")", "]")
+        assert parsed(f"--{name}", "null" if value is None else text) == TrackerConfig(), name
+
+
+def test_options_change_one_setting_each() -> None:
+    found = parsed("--max_iterations", "3", "--mode", "single", "--no_contour", base=None)
+    assert found.loop.max_iterations == 3 and found.loop.mode == "single"
+    assert not found.contour.enabled and found.multi_start == TrackerConfig().multi_start
+    assert parsed("--contour.scales", "[[2], [1, 1]]").contour.scales == ((2,), (1, 1))
+    assert parsed("--contour.enabled", "true", base=PAPER_CONFIG).contour.enabled
+    assert parsed("--contour.enabled", "true", base=PAPER_CONFIG).loop == PAPER_CONFIG.loop
+
+
+def test_a_file_is_read_and_options_go_before_it(tmp_path: Path) -> None:
+    file = tmp_path / "tracker.yaml"
+    file.write_text("loop:\n  max_iterations: 5\n  fine_scale: 2\nlow_confidence: 0.4\n")
+    found = parsed("--config", str(file), "--loop.max_iterations", "7")
+    assert found.loop.max_iterations == 7 and found.loop.fine_scale == 2.0
+    assert found.low_confidence == 0.4 and found.high_confidence == 0.65
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("loop:\n  iterations: 5\n", r"tracker\.yaml.*iterations"),
+        ("loop: {max_iterations: many}\n", r"loop\.max_iterations must be .*int.* found 'many'"),
+        ("loop: {max_iterations: 0}\n", "1 or more"),
+        ("loop: [", r"tracker\.yaml"),
+    ],
+)
+def test_a_bad_file_is_one_sentence(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "tracker.yaml").write_text(text)
+    with pytest.raises(InputError, match=message) as caught:
+        parsed("--config", str(tmp_path / "tracker.yaml"))
+    assert "\n" not in str(caught.value)
+
+
+def test_bad_options_are_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"contour\.lines must be int, found 'x'"):
+        parsed("--contour.lines", "x")
+    with pytest.raises(InputError, match=r"nowhere\.yaml does not exist"):
+        parsed("--config", str(tmp_path / "nowhere.yaml"))

@@ -1,0 +1,114 @@
+"""Frames that come by themselves: an address on this very machine, and the newest of many."""
+
+from __future__ import annotations
+
+import functools
+import http.server
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from moveit6d.datasets.live import Latest, NetworkVideo, is_address
+from moveit6d.datasets.video import VideoFrame, open_frames
+from moveit6d.errors import InputError
+from moveit6d.visualization.video import VideoWriter
+
+
+class Silent(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.fixture
+def address(tmp_path: Path) -> Iterator[str]:
+    """A folder with a video of twelve frames, served on this machine."""
+    with VideoWriter(tmp_path / "clip.mp4", 25) as movie:
+        for number in range(12):
+            movie.write(np.full((48, 64, 3), 20 * number, np.uint8))
+    (tmp_path / "text.mp4").write_text("no video")
+    handler = functools.partial(Silent, directory=str(tmp_path))
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"http://user:secret@127.0.0.1:{server.server_address[1]}"
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+def test_a_video_at_an_address(address: str) -> None:
+    frames = open_frames(f"{address}/clip.mp4")
+    assert isinstance(frames, NetworkVideo) and not frames.live and frames.fps == 25
+    found = list(frames)
+    assert [frame.index for frame in found] == list(range(12))
+    images = [frame.image for frame in found]
+    assert all(image is not None and image.shape == (48, 64, 3) for image in images)
+    assert abs(int(images[6].mean()) - 120) < 5  # type: ignore[union-attr]
+    assert "secret" not in found[0].name and found[0].name.endswith("/clip.mp4#000000")
+
+
+@pytest.mark.parametrize("path", ["/missing.mp4", "/text.mp4"])
+def test_an_address_without_a_video_is_one_sentence(address: str, path: str) -> None:
+    with pytest.raises(InputError, match="cannot be opened") as caught:
+        open_frames(address + path)
+    assert "secret" not in str(caught.value) and "127.0.0.1" in str(caught.value)
+
+
+def test_nobody_at_the_address() -> None:
+    with pytest.raises(InputError, match=r"rtsp://127\.0\.0\.1/live cannot be opened"):
+        open_frames("rtsp://127.0.0.1:9/live")
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("rtsp://camera/1", True), ("HTTP://host/a.mp4", True), ("udp://0.0.0.0:5000", True),
+        ("file:///etc/passwd", False), ("clip.mp4", False), ("concat:a|b", False), ("0", False),
+    ],
+)  # fmt: skip
+def test_what_is_an_address(source: str, expected: bool) -> None:
+    assert is_address(source) is expected
+
+
+class Ticking:
+    """Ten frames, one each hundredth of a second."""
+
+    length, fps, live = 10, 100.0, True
+
+    def __init__(self, broken: BaseException | None = None) -> None:
+        self.broken = broken
+
+    def __iter__(self) -> Iterator[VideoFrame]:
+        for number in range(10):
+            time.sleep(0.01)
+            yield VideoFrame(number, str(number), np.zeros((2, 2, 3), np.uint8))
+        if self.broken:
+            raise self.broken
+        yield VideoFrame(10, "10", None, "gone")
+
+
+def test_who_is_slow_sees_the_newest_frame_and_the_end() -> None:
+    seen = []
+    for frame in Latest(Ticking()):
+        seen.append(frame.index)
+        time.sleep(0.035)
+    assert seen == sorted(set(seen)) and seen[-1] == 10
+    assert len(seen) < 9  # several were left out
+    quick = [frame.index for frame in Latest(Ticking())]
+    assert quick[-1] == 10 and len(quick) >= len(seen)
+    with pytest.raises(ZeroDivisionError):
+        list(Latest(Ticking(ZeroDivisionError())))
+
+
+def test_giving_up_ends_the_reading() -> None:
+    for frame in Latest(Ticking()):
+        if frame.index >= 2:
+            break
+    deadline = time.monotonic() + 5
+    while any(thread.name == "live frames" for thread in threading.enumerate()):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)

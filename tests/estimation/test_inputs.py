@@ -1,0 +1,82 @@
+"""What users hand over at the front door: right, or one sentence that names the type wanted."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from moveit6d.errors import InputError
+from moveit6d.estimation.inputs import camera_of, meshes_of, pose_of, poses_of
+from moveit6d.geometry.camera import Camera
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.pose import Pose
+
+MATRIX = np.eye(4)
+MATRIX[:3, :3] = Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix()
+MATRIX[:3, 3] = 0.01, -0.02, 0.5
+POSE = Pose(torch.from_numpy(MATRIX[:3, :3]), torch.from_numpy(MATRIX[:3, 3]))
+WAYS: list[Any] = [
+    POSE,
+    [POSE],
+    (POSE,),
+    Pose.stack([POSE]),
+    MATRIX,
+    [MATRIX],
+    MATRIX[None],
+    MATRIX.astype(np.float32),
+    MATRIX.tolist(),
+    torch.from_numpy(MATRIX),
+    [torch.from_numpy(MATRIX).float()],
+    Pose.from_matrix(MATRIX),
+    Pose(MATRIX[:3, :3], MATRIX[:3, 3]),  # type: ignore[arg-type]
+    Pose.checked(MATRIX[:3, :3], MATRIX[:3, 3:]),
+]
+
+
+@pytest.mark.parametrize("given", WAYS)
+def test_one_pose_in_every_form(given: Any) -> None:
+    (found,) = poses_of(given)
+    assert isinstance(found.rotation, torch.Tensor)
+    assert (found.matrix.double() - torch.from_numpy(MATRIX)).abs().max() < 1e-6
+    assert torch.equal(pose_of(given).matrix().reshape(4, 4), found.matrix)
+
+
+def test_several_poses() -> None:
+    for given in ([POSE, MATRIX], np.stack([MATRIX] * 2), Pose.stack([POSE] * 2)):
+        assert len(poses_of(given)) == 2
+    with pytest.raises(InputError, match="single one, found 2"):
+        pose_of([POSE, POSE])
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (None, "found NoneType"),
+        ("start.json", "the text 'start.json'"),
+        (np.eye(3), r"shape \(3, 3\)"),
+        ((MATRIX[:3, :3], MATRIX[:3, 3]), r"shape \(3, 3\)"),
+        (MATRIX.T, "transposed"),
+        (np.full((4, 4), np.nan), "last row|not finite"),
+        (np.diag([2.0, 2.0, 2.0, 1.0]), "not a rotation"),
+        ([1.0, 2.0], "found float"),
+    ],
+)
+def test_what_is_no_pose_is_named(given: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        poses_of(given)
+
+
+def test_meshes_and_cameras(brick: Mesh) -> None:
+    assert meshes_of(brick) == meshes_of([brick]) == meshes_of((brick,)) == [brick]
+    for bad in ("box.obj", ["box.obj"], None, np.eye(3)):
+        with pytest.raises(InputError, match=r"must be a Mesh.*Mesh\.load"):
+            meshes_of(bad)
+    camera = Camera(1, 1, 0, 0, 2, 2)
+    assert camera_of(camera) is camera
+    for bad in (np.eye(3), "camera.json", None):
+        with pytest.raises(InputError, match=r"must be a Camera.*from_matrix"):
+            camera_of(bad)

@@ -1,0 +1,175 @@
+"""The lens against OpenCV: maps, points, and patches seen through it without undistorting."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from moveit6d.errors import InputError
+from moveit6d.geometry.camera import Camera
+from moveit6d.geometry.crop import PATCH_SIZE, View, crop_patch, look_at, patch_pixels
+from moveit6d.geometry.pose import Pose
+
+K = np.array([[410.0, 0.0, 162.0], [0.0, 400.0, 118.0], [0.0, 0.0, 1.0]])
+LENSES = {
+    4: (-0.25, 0.08, 0.002, -0.001),
+    5: (-0.3, 0.12, 0.001, -0.002, -0.02),
+    8: (0.1, -0.05, 0.001, 0.002, 0.01, 0.2, 0.03, 0.01),
+    12: (-0.2, 0.05, 0.001, -0.001, 0.0, 0.02, 0.01, 0.0, 0.003, -0.001, 0.002, 0.001),
+    14: (-0.2, 0.05, 0.001, -0.001, 0.0, 0.02, 0.01, 0.0, 0.003, 0.0, 0.002, 0.0, 0.01, -0.02),
+}
+FISHEYE = (-0.05, 0.02, -0.01, 0.002)
+CAMERAS = [
+    *(Camera.from_matrix(K, 320, 240, lens) for lens in LENSES.values()),
+    Camera.from_matrix(K, 320, 240, FISHEYE, "fisheye"),
+]
+NAMES = [*map(str, LENSES), "fisheye"]
+
+
+def opencv_pixels(points: np.ndarray, camera: Camera) -> np.ndarray:
+    zero, lens = np.zeros(3), np.array(camera.distortion)
+    module = cv2.fisheye if camera.distortion_model == "fisheye" else cv2
+    pixels, _ = module.projectPoints(points[:, None], zero, zero, camera.matrix.numpy(), lens)
+    return np.asarray(pixels).reshape(-1, 2)
+
+
+def opencv_undistorted(image: np.ndarray, camera: Camera) -> np.ndarray:
+    matrix, lens = camera.matrix.numpy(), np.array(camera.distortion)
+    if camera.distortion_model == "fisheye":
+        return np.asarray(cv2.fisheye.undistortImage(image, matrix, lens, Knew=matrix))
+    return np.asarray(cv2.undistort(image, matrix, lens))
+
+
+def picture(width: int, height: int) -> np.ndarray:
+    random = np.random.default_rng(0)
+    noise = random.integers(0, 255, (height, width, 3), dtype=np.uint8)
+    return np.asarray(cv2.GaussianBlur(noise, (0, 0), 3))
+
+
+@pytest.mark.parametrize("camera", CAMERAS, ids=NAMES)
+def test_points_of_arrays_and_of_tensors_land_where_opencv_puts_them(camera: Camera) -> None:
+    random = np.random.default_rng(1)
+    points = np.column_stack([random.uniform(-0.35, 0.35, (40, 2)), np.ones(40)])
+    points *= random.uniform(0.3, 2.0, (40, 1))
+    expected = opencv_pixels(points, camera)
+    assert camera.lens is not None
+    np.testing.assert_allclose(
+        camera.lens.project(points, camera.matrix.numpy()), expected, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        camera.project(torch.from_numpy(points)).numpy(), expected, atol=1e-4
+    )
+
+
+@pytest.mark.parametrize("camera", CAMERAS, ids=NAMES)
+def test_whole_images_are_undistorted_as_opencv_does_it(camera: Camera) -> None:
+    image = picture(320, 240)
+    undone, pinhole = camera.undistort(torch.from_numpy(image).permute(2, 0, 1))
+    assert pinhole.lens is None and pinhole.fx == camera.fx
+    difference = undone.permute(1, 2, 0).numpy().astype(int) - opencv_undistorted(image, camera)
+    assert np.abs(difference).max() <= 1
+    floating, _ = camera.undistort(torch.from_numpy(image / 255.0).permute(2, 0, 1)[None])
+    assert floating.shape == (1, 3, 240, 320) and floating.dtype == torch.float64
+    assert (floating[0] * 255 - undone).abs().max() < 1.01
+
+
+@pytest.mark.parametrize("camera", CAMERAS, ids=NAMES)
+def test_a_patch_through_the_lens_is_opencvs_undistorted_image(camera: Camera) -> None:
+    """The virtual camera that looks ahead with the image's own K: no interpolation in between."""
+    small = camera.crop(90, 50, PATCH_SIZE, PATCH_SIZE)
+    image = picture(PATCH_SIZE, PATCH_SIZE)
+    view = View(torch.eye(3).double(), small.matrix(), torch.tensor(1.0).double())
+    pixels = torch.from_numpy(image).permute(2, 0, 1)
+    patch = crop_patch(pixels, view, small.matrix(), small.lens) * 255
+    difference = patch.permute(1, 2, 0).numpy() - opencv_undistorted(image, small)
+    assert np.abs(difference[2:-2, 2:-2]).max() <= 1.5
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    x=st.floats(-0.3, 0.3), y=st.floats(-0.2, 0.2), z=st.floats(0.4, 1.5),
+    number=st.integers(0, len(CAMERAS) - 1),
+)  # fmt: skip
+def test_patch_pixels_are_the_projections_of_their_rays(
+    x: float, y: float, z: float, number: int
+) -> None:
+    """Anywhere in the image: a point on a patch pixel's ray lies where OpenCV projects it."""
+    camera = CAMERAS[number]
+    pose = Pose(torch.eye(3).double(), torch.tensor([x * z, y * z, z]).double())
+    view = look_at(pose, torch.tensor(0.1).double())
+    u, v = patch_pixels(view, camera.matrix, camera.lens)
+    places = np.array([[0.0, 0.0], [63.0, 64.0], [127.0, 3.0], [40.0, 127.0]])
+    rays = np.column_stack([places, np.ones(4)]) @ np.linalg.inv(view.intrinsics.numpy()).T
+    expected = opencv_pixels(rays @ view.rotation.numpy(), camera)
+    row, column = places[:, 1].astype(int), places[:, 0].astype(int)
+    found = np.column_stack([u.numpy()[row, column], v.numpy()[row, column]])
+    np.testing.assert_allclose(found, expected, atol=2e-3)
+
+
+def test_skew_shears_points_patches_and_whole_images_alike() -> None:
+    skewed = Camera(400, 400, 160, 120, 320, 240, LENSES[5], skew=25.0)
+    straight = Camera(400, 400, 160, 120, 320, 240, LENSES[5])
+    point = torch.tensor([[0.1, 0.2, 1.0]]).double()
+    moved = skewed.project(point) - straight.project(point)
+    y = float(straight.project(point)[0, 1] - 120) / 400
+    assert moved.tolist()[0] == pytest.approx([25 * y, 0.0], abs=1e-9)
+    view = look_at(Pose(torch.eye(3).double(), point[0]), torch.tensor(0.1).double())
+    u, v = patch_pixels(view, skewed.matrix(), skewed.lens)
+    middle = [float(plane[63:65, 63:65].mean()) for plane in (u, v)]
+    assert middle == pytest.approx(skewed.project(point)[0].tolist(), abs=0.01)
+    whole = Camera(400, 400, 160, 120, 320, 240, skew=25.0)
+    expected = torch.linalg.inv(whole.matrix) @ torch.tensor([200.0, 180.0, 1.0]).double()
+    assert whole.project(expected).tolist() == pytest.approx([200.0, 180.0])
+
+
+def test_beyond_its_reach_a_lens_shows_nothing() -> None:
+    """A barrel polynomial turns back far outside: those rays would show the middle again."""
+    camera = Camera(300, 300, 159.5, 119.5, 320, 240, (-0.35, 0.0, 0.0, 0.0))
+    assert camera.lens is not None
+    # r (1 − 0.35 r²) is largest where its derivative 1 − 1.05 r² is zero.
+    assert camera.lens.reach == pytest.approx(1 / np.sqrt(1.05), abs=2e-3)
+    assert camera.lens.shows(np.array([[0.9, 0, 1.0], [1.1, 0, 1.0], [0, 0, -1.0]])).tolist() == [
+        True,
+        False,
+        False,
+    ]
+    pose = Pose(torch.eye(3).double(), torch.tensor([1.5, 0.0, 1.0]).double())
+    view = look_at(pose, torch.tensor(0.2).double())
+    white = torch.full((3, 240, 320), 255, dtype=torch.uint8)
+    assert crop_patch(white, view, camera.matrix, camera.lens).max() == 0
+    assert Camera(300, 300, 160, 120, 320, 240, (0.1, 0.0, 0.0, 0.0)).lens.reach == np.inf  # type: ignore[union-attr]
+
+
+def test_a_fisheye_of_zeros_is_still_no_pinhole() -> None:
+    fisheye = Camera(200, 200, 160, 120, 320, 240, (0.0,) * 4, "fisheye")
+    pixel = fisheye.project(torch.tensor([1.0, 0.0, 1.0]).double())
+    assert float(pixel[0]) == pytest.approx(160 + 200 * np.pi / 4)  # equidistant: f·θ
+    assert Camera(200, 200, 160, 120, 320, 240, (0.0,) * 5).lens is None
+
+
+def test_projection_through_a_lens_has_gradients() -> None:
+    camera = CAMERAS[1]
+    point = torch.tensor([0.1, 0.05, 0.8], dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(camera.project, (point,))
+
+
+@pytest.mark.parametrize(
+    ("lens", "model", "words"),
+    [
+        ((0.1,) * 3, "opencv", "4 or 5 or 8 or 12 or 14"),
+        ((0.1,) * 5, "fisheye", "k1, k2, k3, k4"),
+        ((1e308, 0, 0, 0), "opencv", "no lens"),
+        ((float("nan"), 0, 0, 0), "opencv", "finite"),
+        ((0.1,) * 4, "omni", "'opencv' or 'fisheye'"),
+        (None, "fisheye", "coefficients"),
+        (np.zeros((2, 3)), "opencv", "list of numbers"),
+        (["a"], "opencv", "numbers"),
+    ],
+)
+def test_impossible_lenses_are_refused(lens: object, model: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        Camera(400, 400, 160, 120, 320, 240, lens, model)  # type: ignore[arg-type]

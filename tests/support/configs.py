@@ -1,0 +1,17 @@
+"""Configurations that tests share."""
+
+from __future__ import annotations
+
+from moveit6d.config import ContourConfig, LoopConfig, MultiStartConfig, TrackerConfig
+
+LOW_CONFIDENCE = TrackerConfig().low_confidence
+HIGH_CONFIDENCE = TrackerConfig().high_confidence
+NO_CONTOUR = TrackerConfig(contour=ContourConfig(enabled=False))
+LOOP_ONLY = TrackerConfig(
+    contour=ContourConfig(enabled=False), multi_start=MultiStartConfig(enabled=False)
+)
+
+
+def limited(iterations: int, step_size: float = 1.0) -> LoopConfig:
+    """A loop of so many iterations at most."""
+    return LoopConfig(max_iterations=iterations, step_size=step_size)
