@@ -42,7 +42,7 @@ def main(folder: Path, output: Path) -> None:
 
     def student(observation: Observation) -> Tensor:
         with torch.no_grad(), torch.autocast("cuda", torch.bfloat16):
-            delta = module.network(observation).prediction.delta
+            delta: Tensor = module.network(observation).prediction.delta
         return delta.float()
 
     configs = folder / "code/configs"
