@@ -44,7 +44,7 @@ def test_they_come_back_after_an_error() -> None:
     assert both() == (3, 2)
 
 
-def test_a_thread_that_begins_inside_anothers_block_gets_the_callers_number_back() -> None:
+def test_a_thread_that_begins_inside_another_s_block_gets_the_callers_number_back() -> None:
     inside, done, seen = threading.Event(), threading.Event(), []
 
     def other() -> None:
