@@ -13,8 +13,7 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from moveit6d import InputError, Mesh, Pose, PoseTracker
-from moveit6d.datasets.pose_files import read_camera
+from moveit6d import Camera, InputError, Mesh, Pose, PoseTracker
 from moveit6d.datasets.video import open_frames
 
 
@@ -23,7 +22,7 @@ def track(mesh_file: Path, video: Path, camera_file: Path, start_file: Path) -> 
     # The object: OBJ, PLY, GLB or STL. State the unit of its numbers: "m" or "mm".
     mesh = Mesh.load(mesh_file, unit="m")
     # The camera's intrinsics in pixels, and the object's pose in the first frame, roughly.
-    camera, start = read_camera(camera_file), Pose.load(start_file)
+    camera, start = Camera.load(camera_file), Pose.load(start_file)
     # The shipped network, the embree renderer: both can be replaced by keyword arguments.
     tracker = PoseTracker(mesh, camera, start)
     for frame in open_frames(video):  # a folder, a file or a camera
