@@ -67,7 +67,7 @@ def test_the_paper_has_nothing_beyond_the_paper() -> None:
         (lambda: LoopConfig(step_size=0.0), "step_size"),
         (lambda: StateConfig(doubted=0.6), "rejected ≤ doubted ≤ confirmed"),
         (lambda: StateConfig(frames_to_lose=0), "1 or more"),
-        (lambda: RecoveryConfig(interval=0), "interval must be 1 or more"),
+        (lambda: RecoveryConfig(interval=0), "interval and near_candidates must be 1 or more"),
         (lambda: RecoveryConfig(max_milliseconds=-1.0), "must not be negative"),
         (lambda: LoopConfig(fine_scale=0.5), "fine_scale"),
         (lambda: TrackerConfig(low_confidence=0.9), "low_confidence ≤ high_confidence"),

@@ -10,7 +10,13 @@ import pytest
 import torch
 
 from moveit6d import InputError, OraclePolicy, Pose, PoseTracker, load_policy
-from moveit6d.config import MultiStartConfig, RecoveryConfig, StateConfig, TrackerConfig
+from moveit6d.config import (
+    DetectorConfig,
+    MultiStartConfig,
+    RecoveryConfig,
+    StateConfig,
+    TrackerConfig,
+)
 from moveit6d.estimation import StopReason, TrackingResult
 from moveit6d.estimation.detection import Detection, Evidence, FoundPose
 from moveit6d.estimation.detection.detector import Steps
@@ -25,13 +31,16 @@ POSE = Pose(torch.eye(3, dtype=torch.float64), torch.tensor([0.0, 0.0, 1.0], dty
 class Finder:
     """A detector that takes `length` steps and finds the object in its n-th search."""
 
+    config = DetectorConfig()
+
     def __init__(self, length: int, finds: int) -> None:
         self.length, self.finds, self.searches = length, finds, 0
         self.near: list[bool] = []
 
-    def steps(self, frame: Any, region: Any, given: Any) -> Steps:
+    def steps(self, frame: Any, region: Any = None, given: Any = (), most: int = 0) -> Steps:
         self.searches += 1
-        self.near.append(region.near is not None)
+        assert most == (48 if region is None else 16)
+        self.near.append(region is not None)
         for _ in range(self.length):
             yield
         if self.searches < self.finds:
@@ -50,10 +59,10 @@ def test_near_first_then_the_whole_image_now_and_then() -> None:
     one = supervisor(finder, interval=3)
     assert not one.lost
     assert one.judged(failed(), 0.0).state is TrackingState.LOST and one.lost
-    found = [one.search(FRAME, POSE) is not None for _ in range(8)]
-    # Near at once, everywhere in the next frame, then every third frame.
+    found = [one.search(FRAME, POSE) is not None for _ in range(10)]
+    # Near at once, then everywhere in every third frame.
     assert finder.near == [True, False, False, False]
-    assert found == [False, False, False, False, False, False, False, True]
+    assert found == [False] * 9 + [True]
 
 
 def test_a_search_may_take_several_frames() -> None:
@@ -85,7 +94,8 @@ def policy() -> Any:
 
 
 def test_gone_and_back(scene: Any, policy: Any) -> None:
-    tracker = PoseTracker(scene.mesh, scene.camera, scene.pose(0), policy=policy)
+    soon = TrackerConfig(recovery=RecoveryConfig(interval=2))
+    tracker = PoseTracker(scene.mesh, scene.camera, scene.pose(0), policy=policy, config=soon)
     other = np.random.default_rng(0).integers(0, 255, (12, 16, 3), np.uint8)
     other = other.repeat(10, 0).repeat(10, 1)
     images = [scene.image(0), scene.image(1), other, other, other, other, scene.image(4)]
@@ -132,3 +142,20 @@ def test_two_objects_have_states_of_their_own(
     one, other = tracker.update(scene.image(0))
     assert one.state is TrackingState.TRACKING
     assert other.state is not TrackingState.TRACKING
+
+
+def test_a_time_limit_leaves_no_frame_without_a_search() -> None:
+    finder = Finder(length=2, finds=3)
+    one = supervisor(finder, max_milliseconds=0.0, interval=10)
+    one.judged(failed(), 0.0)
+    found = [one.search(FRAME, POSE) is not None for _ in range(9)]
+    assert finder.searches == 3 and found == [False] * 8 + [True]
+
+
+def test_a_lost_object_costs_few_searches() -> None:
+    finder = Finder(length=5, finds=99)
+    one = supervisor(finder)
+    one.judged(failed(), 0.0)
+    for _ in range(41):
+        one.search(FRAME, POSE)
+    assert finder.near == [True, False, False, False, False]

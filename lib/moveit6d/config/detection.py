@@ -45,7 +45,8 @@ class MatchConfig:
         local_mean: cells a side over which the image's descriptors are centred.
         places: how many places are looked into, thinned so that no two of them are the same.
         views: rotations that are kept of each place at most.
-        candidates: poses that are refined; as many more are, if none of these is accepted.
+        candidates: poses that are refined. Where none is accepted, single images go on with as many
+            more.
         tolerance_weight: of the score in which each cell may lie one cell beside where it should,
             against the score in units of a template's spread over the image.
     """

@@ -75,9 +75,7 @@ class Supervisor:
             if self._waiting > 0:
                 self._waiting -= 1
                 return None
-            near = last if self._near else None
-            region = SearchRegion(near=near)
-            self._steps = self.detector.steps(frame, region, () if near is None else (near,))
+            self._steps = self._begin(self.detector, frame, last if self._near else None)
         while True:
             try:
                 next(self._steps)
@@ -87,11 +85,17 @@ class Supervisor:
             if limit is not None and (time.perf_counter() - begin) * 1e3 >= limit:
                 return None
 
+    def _begin(self, detector: PoseDetector, frame: Frame, near: Pose | None) -> Steps:
+        """A new search: near a pose, or in the whole image."""
+        if near is None:
+            return detector.steps(frame, most=detector.config.match.candidates)
+        most = self.config.near_candidates
+        return detector.steps(frame, SearchRegion(near=near), (near,), most=most)
+
     def _finished(self, found: Detection) -> Pose | None:
-        self._steps = None
-        # After the search near where it was the whole image follows at once.
-        self._waiting = 0 if self._near else self.config.interval - 1
-        self._near = False
+        self._steps, self._near = None, False
+        # A time limit bounds what searches cost by itself.
+        self._waiting = self.config.interval - 1 if self.config.max_milliseconds is None else 0
         return found.pose
 
 

@@ -214,13 +214,15 @@ class PoseDetector:
         instances: int = 1,
         search: bool = True,
         pyramid: Pyramid | None = None,
+        most: int | None = None,
     ) -> Steps:
         """`detect` in short steps, for who has other things to do between them; by templates.
 
         `region` is one of the image without its lens. `given` are poses (mesh file's frame) that
         are tried beside the candidates of the search, or instead of them. Each `next` does one step
         of some ten milliseconds; the generator's value is the detection.
-        Detectors of several objects may share the `pyramid` of an image (`pyramid_of`).
+        Detectors of several objects may share the `pyramid` of an image (`pyramid_of`). With `most`
+        no more than so many poses are looked at.
         """
         frame = prepare_frame(image, self.camera).undistorted
         known = region or SearchRegion()
@@ -232,6 +234,7 @@ class PoseDetector:
             candidates = yield from self._search(frame, known, levels)
             poses += self._poses(candidates, frame.camera)
         size = self.config.match.candidates
+        poses = poses[:most]
         results: list[FoundPose] = []
         for first in range(0, len(poses), size):
             refined = yield from self._tournament(frame, poses[first : first + size], instances)
