@@ -28,6 +28,8 @@ READERS: dict[str, Callable[[MeshContent], None]] = {
 SUFFIXES = tuple(READERS)
 # Texture coordinates beyond this are damage; float32 cannot tell texels apart there.
 FARTHEST_UV = 1e5
+VERTEX_COLOURS = "vertex colours"  # as readers name them
+GREYISH = 24  # of 255, between the channels of a colour that is none
 
 
 def read_mesh_file(
@@ -93,12 +95,20 @@ def _check_looks(content: MeshContent, surface: Surface) -> None:
     some = ", ".join(content.named[:4]) + (" and more" if len(content.named) > 4 else "")
     color = tuple(int(value) for value in shown[0])
     what = f"it names {some}, but the whole object is of one colour, RGB {color}"
-    if content.allow_untextured or content.allow_flat:
+    if content.allow_untextured or content.allow_flat or _means_it(content, shown[0]):
         content.warnings.append(what)
         return
     raise InputError(
         f"{content.path}: {what}; if it has no texture, {ALLOW.replace('without it', 'with that')}."
     )
+
+
+def _means_it(content: MeshContent, color: NDArray[np.uint8]) -> bool:
+    """Whether every vertex says one and the same colour, and none that stands for no colour.
+
+    A red toy's scan does; white and grey are what programs write where they have lost the colours.
+    """
+    return content.named == [VERTEX_COLOURS] and int(np.ptp(color.astype(int))) > GREYISH
 
 
 def _shown(surface: Surface) -> NDArray[np.uint8]:
