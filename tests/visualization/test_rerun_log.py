@@ -81,6 +81,6 @@ def test_ctrl_c_leaves_a_whole_file(scene: Any, tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt), RerunLog(path, scene.mesh, scene.camera) as log:
         log.write(VideoFrame(0, "", None), PoseRow(0, pose=scene.pose(0), iterations=2))
         raise KeyboardInterrupt
-    assert read_back(path)["/curves/steps"]["Scalars:scalars"] == {0: [2.0]}
+    assert read_back(path)["/curves/iterations"]["Scalars:scalars"] == {0: [2.0]}
     with pytest.raises(InputError, match="cannot be written"):
         RerunLog(path / "below" / "a.rrd", scene.mesh, scene.camera).__enter__()
