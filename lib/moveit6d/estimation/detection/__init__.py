@@ -3,9 +3,9 @@
 Never tracks. `PoseDetector` is the door; the paper's own way is in `estimation.seed_detector`.
 """
 
-from .detector import Detection, FoundPose, PoseDetector, default_store, detect_objects
+from .detector import Detection, FoundPose, PoseDetector, detect_objects
 from .region import SearchRegion
-from .templates import TemplateStore
+from .templates import TemplateStore, default_store
 from .verification import Evidence
 
 __all__ = [

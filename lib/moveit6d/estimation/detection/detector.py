@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Literal
 
 import torch
@@ -393,11 +392,3 @@ def detect_objects(
         finish(detector.steps(frame, instances=count, pyramid=pyramid))
         for detector, count in zip(detectors, numbers, strict=True)
     ]
-
-
-def default_store() -> Path:
-    """Where the command line keeps prepared meshes: the user's cache folder."""
-    import os
-
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "moveit6d" / "templates"

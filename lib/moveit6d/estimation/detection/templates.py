@@ -217,6 +217,12 @@ class TemplateStore:
         return self._known[key]
 
 
+def default_store() -> Path:
+    """Where the command line keeps prepared meshes: the user's cache folder."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "moveit6d" / "templates"
+
+
 def _digest(mesh: Mesh, config: TemplateConfig, network: str) -> str:
     digest = hashlib.sha256(f"{config!r} {network}".encode())
     for array in (mesh.vertices, mesh.faces, mesh.uv, mesh.texture, mesh.vertex_colors):
