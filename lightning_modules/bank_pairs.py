@@ -33,8 +33,6 @@ TEXTURES = 150  # photographs that a worker process keeps for made objects
 HANDS = 96  # hands and cards, made once
 RENEWED = 4  # made objects replaced a batch at most
 
-Student = Callable[[Observation], Tensor]
-
 
 class BankStream(IterableDataset[TrainingBatch]):
     """Batches without end, all on one device; each picture in 1 + `iterations` states.

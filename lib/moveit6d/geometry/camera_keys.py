@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..checks import number
 from ..errors import InputError
 from .camera import Camera
 from .lens import COUNTS, DistortionModel
@@ -178,10 +179,10 @@ def _size(found: Mapping[str, Any]) -> tuple[Any, Any]:
         raise InputError("the image size must be two numbers, width and height.")
     sizes = []
     for name, listed in zip(("width", "height"), pair, strict=True):
-        number = _one(found.get(name, listed), name)
-        if listed is not None and number != listed:
-            raise InputError(f"{name} is {number:g} in one place and {listed:g} in another.")
-        sizes.append(number)
+        size = _one(found.get(name, listed), name)
+        if listed is not None and size != listed:
+            raise InputError(f"{name} is {size:g} in one place and {listed:g} in another.")
+        sizes.append(size)
     return sizes[0], sizes[1]
 
 
@@ -194,9 +195,9 @@ def _matrix(found: Mapping[str, Any]) -> list[list[float]]:
     value = found["matrix"]
     k = _three_by_three(_numbers(value, "the intrinsic matrix"))
     listed = {"fx": k[0][0], "fy": k[1][1], "cx": k[0][2], "cy": k[1][2], "skew": k[0][1]}
-    for name, number in {**own, **({"skew": skew} if "skew" in found else {})}.items():
-        if not math.isclose(number, listed[name], rel_tol=1e-6, abs_tol=1e-6):
-            raise InputError(f"{name} is {number:g}, but {listed[name]:g} in the matrix.")
+    for name, stated in {**own, **({"skew": skew} if "skew" in found else {})}.items():
+        if not math.isclose(stated, listed[name], rel_tol=1e-6, abs_tol=1e-6):
+            raise InputError(f"{name} is {stated:g}, but {listed[name]:g} in the matrix.")
     return k
 
 
@@ -328,12 +329,4 @@ def _numbers(value: Any, what: str) -> list[float]:
 def _one(value: Any, name: str) -> float:
     if isinstance(value, Sequence) and not isinstance(value, str | bytes) and len(value) == 1:
         value = value[0]
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{name} must be a number, found {value!r:.60}.")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise InputError(f"{name} must be a finite number, found {value!s:.60}.")
-    return number
+    return number(value, name)

@@ -17,7 +17,7 @@ from torch.nn import functional
 from ..geometry.crop import PATCH_SIZE, Crop
 from ..observation import Observation
 from .blocks import Residual, attention_pool, conv_block
-from .correlation import DAMPING, GREY, HEAD_SCALE, CorrelationOutput
+from .correlation import DAMPING, GREY, HEAD_SCALE, CorrelationOutput, dense_prediction
 from .dense_prediction import DensePrediction
 from .least_squares import cell_pixels, jacobian, solve_delta, surface_points
 from .matching import (
@@ -191,7 +191,7 @@ class CompactCorrelationNet(nn.Module):
         hidden = self.decode(side_by_side(self.volume(volume * 4), first / 8, context))
         around = functional.interpolate(self.decode16(hidden), scale_factor=2.0, mode="nearest")
         hidden = self.merge(torch.relu(hidden + around))
-        return hidden, _dense_prediction(self.answer(hidden), first * 8, 8.0)
+        return hidden, dense_prediction(self.answer(hidden), first * 8, 8.0)
 
     def _facts(
         self,
@@ -261,13 +261,7 @@ class CompactCorrelationNet(nn.Module):
         volume = self.fine_volume(correlation * 4)
         fine = self.fine_decode(side_by_side(volume, start / 16, context))
         middle = correlation[:, correlation.shape[1] // 2]
-        return _dense_prediction(self.fine_answer(fine), start, 4.0), fine, middle
-
-
-def _dense_prediction(values: Tensor, start: Tensor, stride: float) -> DensePrediction:
-    return DensePrediction(
-        start + values[:, :2] * stride, values[:, 2], values[:, 3], values[:, 4:]
-    )
+        return dense_prediction(self.fine_answer(fine), start, 4.0), fine, middle
 
 
 def _mean(values: Tensor, where: Tensor) -> Tensor:

@@ -160,7 +160,7 @@ class CorrelationNet(nn.Module):
         first = torch.einsum("bkyx,kc->bcyx", share, self.offsets)  # cells
         context = self.context(side_by_side(image8, render8, self.geometry8(geometry4)))
         hidden = self.decode(side_by_side(volume * 4, first / 8, context))
-        coarse = _dense_prediction(self.answer(hidden), first * 8, 8.0)
+        coarse = dense_prediction(self.answer(hidden), first * 8, 8.0)
 
         fine, fine_hidden = self._refine(shared4, geometry4, hidden, coarse, batch)
         solved = self._solve(observation, depth, fine)
@@ -222,10 +222,11 @@ class CorrelationNet(nn.Module):
         # The image's own features too: behind an outline the rendering has nothing to compare with.
         context = self.fine_context(side_by_side(matched[batch:], warped * 2, geometry4, wide))
         fine = self.fine_decode(side_by_side(correlation * 4, start / 16, context))
-        return _dense_prediction(self.fine_answer(fine), start, 4.0), fine
+        return dense_prediction(self.fine_answer(fine), start, 4.0), fine
 
 
-def _dense_prediction(values: Tensor, start: Tensor, stride: float) -> DensePrediction:
+def dense_prediction(values: Tensor, start: Tensor, stride: float) -> DensePrediction:
+    """Outputs (B, 4 or 6, n, n) around displacements to start from (B, 2, n, n), patch pixels."""
     return DensePrediction(
         start + values[:, :2] * stride, values[:, 2], values[:, 3], values[:, 4:]
     )

@@ -43,16 +43,3 @@ def _read(path: Path) -> np.ndarray:
         size = (round(rgb.width * scale), round(rgb.height * scale))
         rgb = rgb.resize(size, Image.Resampling.BOX)
     return np.asarray(rgb)
-
-
-def random_square(
-    photos: list[np.ndarray], random: np.random.Generator, size: int, smallest: int = 48
-) -> np.ndarray:
-    """A random square of a random photo, scaled to `size` and mirrored half of the time: uint8."""
-    photo = photos[int(random.integers(len(photos)))]
-    height, width = photo.shape[:2]
-    side = int(random.integers(min(smallest, min(height, width)), min(height, width) + 1))
-    y, x = int(random.integers(height - side + 1)), int(random.integers(width - side + 1))
-    square = Image.fromarray(photo[y : y + side, x : x + side])
-    resized = np.asarray(square.resize((size, size), Image.Resampling.BILINEAR))
-    return resized[:, ::-1] if random.random() < 0.5 else resized
