@@ -42,9 +42,12 @@ class PoseActionModule(pl.LightningModule):
     Args:
         network: the network to train; None: the one in `init_from`.
         learning_rate: at its peak, after `warmup_steps`.
-        schedule: `cosine` to 2 % of the peak at `total_steps`, or `paper`: 5 % less every 1,000.
-        total_steps: length of the cosine.
-        minutes: length of the cosine in time, if that ends first: for machines that are lent.
+        schedule: `cosine` to 2 % of the peak at `total_steps`; `stable_decay`: the peak, then in a
+            line to 2 % over the last `decay` of them, so that a fit can be made longer while it
+            runs; or `paper`: 5 % less every 1,000.
+        total_steps: length of the schedule.
+        decay: share of the schedule in which `stable_decay` goes down.
+        minutes: length of the schedule in time, if that ends first: for machines that are lent.
         matching_steps: first steps in which only the matching reaches the encoder.
         weights: weights of the loss terms.
         init_from: weights file (.safetensors) to start from instead of random numbers; of a network
@@ -57,6 +60,7 @@ class PoseActionModule(pl.LightningModule):
         learning_rate: float = 1.5e-3,
         schedule: str = "cosine",
         total_steps: int = 20_000,
+        decay: float = 0.25,
         minutes: float | None = None,
         warmup_steps: int = 40,
         weight_decay: float = 1e-4,
@@ -65,12 +69,16 @@ class PoseActionModule(pl.LightningModule):
         init_from: Path | None = None,
     ) -> None:
         super().__init__()
-        if schedule not in ("cosine", "paper"):
-            raise ValueError(f"schedule must be 'cosine' or 'paper', found {schedule!r}.")
+        schedules = ("cosine", "stable_decay", "paper")
+        if schedule not in schedules:
+            raise InputError(f"model.schedule is {schedule!r}, must be one of {schedules}.")
+        if not 0 < decay <= 1:
+            raise InputError(f"model.decay is {decay}, must be above 0 and 1 at most.")
         self.network = _network(network, init_from)
         convert_conv2d_weight_memory_format(self.network, torch.channels_last)  # faster on CPUs
         self.learning_rate, self.schedule = learning_rate, schedule
         self.total_steps, self.warmup_steps = total_steps, warmup_steps
+        self.decay = decay
         self.minutes, self._begin = minutes, time.monotonic()
         self.weight_decay, self.matching_steps = weight_decay, matching_steps
         self.weights = weights or LossWeights()
@@ -161,6 +169,8 @@ class PoseActionModule(pl.LightningModule):
         share = min(1.0, step / self.total_steps)
         if self.minutes is not None:
             share = min(1.0, max(share, (time.monotonic() - self._begin) / 60 / self.minutes))
+        if self.schedule == "stable_decay":
+            return float(start * max(0.02, min(1.0, (1 - share) / self.decay)))
         return float(start * max(0.02, 0.5 * (1 + math.cos(math.pi * share))))
 
     def export(self, path: Path, facts: dict[str, str]) -> None:
