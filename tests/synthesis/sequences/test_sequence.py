@@ -19,8 +19,8 @@ from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.rendering.backends import make_renderer
 from moveit6d.rendering.renderer import GBuffer
-from moveit6d.synthesis.augmentation.occluders import random_occluder
 from moveit6d.synthesis.objects.demo_object import demo_object
+from moveit6d.synthesis.objects.occluders import random_occluder
 from moveit6d.synthesis.objects.shapes import random_object
 from moveit6d.synthesis.sequences.difficulty import DIFFICULTIES, Difficulty
 from moveit6d.synthesis.sequences.occlusion import visible_fraction

@@ -1,4 +1,4 @@
-"""One picture of many training pairs: what a network is shown, and what it is told.
+"""A contact sheet of training pairs: the network's inputs and the truth.
 
 Never draws pairs itself.
 """
