@@ -127,4 +127,5 @@ def shade(
         ambient = ambient * (1 - 0.5 * light.hemisphere * (1 + normal[:, 1:2]))
     lit = ambient + colour * (light.diffuse[view] * diffuse)[:, None]
     gloss = (smooth * specular)[:, None] * (0.4 + 0.6 * metal * base) * colour
-    return base * (1 - METALLIC_LOSS * metal) * lit + gloss
+    colours: Tensor = base * (1 - METALLIC_LOSS * metal) * lit + gloss
+    return colours

@@ -20,7 +20,7 @@ from ...geometry.pose import Pose
 from ...rendering.renderer import Renderer
 from ...typing import Float64
 from ..objects.occluders import board
-from .image_formation import silhouette
+from .layers import silhouette
 from .motion import Motion
 from .occlusion import outline_window
 

@@ -20,7 +20,7 @@ from ...geometry.rotation import exp_so3
 from ...rendering.renderer import Renderer
 from ...typing import Float64
 from ..objects.occluders import Occluder, random_occluder
-from .image_formation import bounds, silhouette
+from .layers import bounds, silhouette
 from .motion import Motion, SmoothPath
 
 
