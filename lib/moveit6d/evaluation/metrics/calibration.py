@@ -62,8 +62,8 @@ def reliability(confidence: Tensor, right: Tensor, bins: int = BINS) -> Reliabil
     place = (confidence * bins).long().clamp_max(bins - 1)
     counts = torch.bincount(place, minlength=bins)
     filled = counts > 0
-    of_bin = [
-        torch.bincount(place, values, bins)[filled] / counts[filled]
-        for values in (confidence, right)
-    ]
-    return Reliability(*of_bin, counts[filled], auroc(confidence, right))
+
+    def mean(values: Tensor) -> Tensor:
+        return torch.bincount(place, values, bins)[filled] / counts[filled]
+
+    return Reliability(mean(confidence), mean(right), counts[filled], auroc(confidence, right))
