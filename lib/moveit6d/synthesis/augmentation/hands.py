@@ -1,6 +1,6 @@
 """Hands and cards in front of the object, rendered as large as they would be beside it.
 
-Never decides what lies behind them. Unlike occluders from a bank they reach into the patch from
+Never decides what lies behind them. Unlike occluders from a bank they reach into the crop from
 outside, as an arm does.
 """
 
@@ -104,9 +104,9 @@ class Hands:
         self.lights, self.random, self.rng = lights, random, rng
 
     def draw(self, batch: int, distance: Tensor) -> tuple[Tensor, Tensor]:
-        """Which of the patches have one (n,), and the layers (n, 4, 128, 128) for them.
+        """Which of the crops have one (n,), and the layers (n, 4, 128, 128) for them.
 
-        `distance` (B,) in diameters gives each patch's perspective.
+        `distance` (B,) in diameters gives each crop's perspective.
         """
         chosen = self.rng.chosen(batch, self.config.probability)
         if not len(chosen):
@@ -117,7 +117,7 @@ class Hands:
         return chosen, lit_layers(objects, index, poses, near, self.lights, self.rng)
 
     def _poses(self, tips: Tensor, reaching: Tensor, focal: Tensor) -> Pose:
-        """Fingertips and cards somewhere in the patch; arms leave it by the nearest side or so."""
+        """Fingertips and cards at random places; arms leave the crop by about the nearest side."""
         count, rng = len(tips), self.rng
         place = rng.uniform(count, 2, between=(-0.5, 0.5)).double()
         place = place * self.config.extent * PATCH_SIZE

@@ -1,6 +1,6 @@
 """The paper's bank of occluders: rendered crops of random objects, cut and made smaller.
 
-Never pastes. Paper, "Data Augmentation Details": 20k rendered patches, of which four are drawn for
+Never pastes. Paper, "Data Augmentation Details": 20k rendered crops, of which four are drawn for
 a training picture. The bank fills up as training goes, so that a fit begins at once; a full one
 costs nothing any more.
 """
@@ -42,7 +42,7 @@ class BankConfig:
 
 
 class OccluderBank:
-    """Patches (4, h, w) of lit objects, colour × alpha and alpha, drawn at random."""
+    """Layers (4, h, w) of shaded objects, colour × alpha and alpha, drawn at random."""
 
     def __init__(
         self, objects: ObjectSet, config: BankConfig, lights: LightConfig, distance: Range,
@@ -56,14 +56,14 @@ class OccluderBank:
         self.filled = 0
 
     def grow(self) -> None:
-        """Render new patches unless the bank is full."""
+        """Render new layers unless the bank is full."""
         count = min(self.config.new_per_batch, self.config.size - self.filled)
         if count > 0:
             self.patches[self.filled : self.filled + count] = self._render(count)
             self.filled += count
 
     def draw(self, count: int) -> Tensor:
-        """Random patches in the middle of empty ones of full size: (count, 4, 128, 128)."""
+        """Random layers in the middle of empty crops: (count, 4, 128, 128)."""
         index = self.rng.integers(count, below=self.filled)
         margin = PATCH_SIZE - self.patches.shape[-1]
         before = margin // 2
@@ -102,13 +102,13 @@ def lit_layers(
     objects: ObjectSet, index: Tensor, poses: Pose, distance: Tensor, lights: LightConfig,
     rng: RandomSource,
 ) -> Tensor:  # fmt: skip
-    """Objects (B,) seen in look-at patches, lit: (B, 4, 128, 128), colour × mask and mask.
+    """Shaded objects (B,) in look-at crops: (B, 4, 128, 128), colour × mask and mask.
 
     `distance` (B,) sets the focal length as that of an object so many diameters away.
     """
     focal = OBJECT_SIZE * distance
     seen = objects.render(index, poses, _patch_intrinsics(focal))
-    # The unit in which the middle of the patch is `distance` away: what `light` measures in.
+    # The unit in which the object's centre is `distance` away: lights are placed in it.
     unit = (poses.translation[:, 2] / distance).float()[:, None, None, None]
     near = distance.float()
     depth = (seen.depth / unit - near[:, None, None, None]) * seen.mask
@@ -117,7 +117,7 @@ def lit_layers(
 
 
 def _patch_intrinsics(focal: Tensor) -> Tensor:
-    """Intrinsics (B, 3, 3) of look-at patches by their focal lengths (B,) in pixels."""
+    """Intrinsics (B, 3, 3) of look-at crops by their focal lengths (B,) in pixels."""
     matrix = focal.new_zeros(len(focal), 3, 3)
     matrix[:, 0, 0] = matrix[:, 1, 1] = focal
     matrix[:, 0, 2] = matrix[:, 1, 2] = (PATCH_SIZE - 1) / 2
