@@ -23,8 +23,10 @@ def test_motion_blur_has_the_stated_variance_and_direction() -> None:
     point = torch.zeros(1, 1, 41, 41)
     point[..., 20, 20] = 1
     angle, length, sigma = 0.6, 9.0, 0.8
-    one = [torch.tensor([value]) for value in (sigma, length, angle)]
-    spread = motion_blur(point, *one, radius=18)[0, 0].double()
+    parameters = torch.tensor([[sigma], [length], [angle]])
+    spread = motion_blur(point, parameters[0], parameters[1], parameters[2], radius=18)[
+        0, 0
+    ].double()
     line = torch.arange(-20, 21, dtype=torch.float64)
     y, x = torch.meshgrid(line, line, indexing="ij")
     along, across = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)

@@ -78,8 +78,8 @@ def occluder_source(
 ) -> Callable[[Tensor], Tensor]:
     """A source of occluders: other objects of the batch, and cut-outs of photos.
 
-    `objects` (B, 4, N, N) are shaded objects (0 outside) with their mask, `photos` (B, 3, N, N). The
-    source takes the indices (n,) of the crops and returns layers (n, 4, N, N).
+    `objects` (B, 4, N, N) are shaded objects (0 outside) with their mask, `photos` (B, 3, N, N).
+    The source takes the indices (n,) of the crops and returns layers (n, 4, N, N).
     """
 
     def draw(chosen: Tensor) -> Tensor:
