@@ -31,6 +31,7 @@ from moveit6d.synthesis.training.source import PairSource
 
 TEXTURES = 150  # photographs that a worker process keeps for made objects
 HANDS = 96  # hands and cards, made once
+CARDS = 0.35  # share of them that are cards
 RENEWED = 4  # made objects replaced a batch at most
 
 
@@ -72,7 +73,7 @@ class BankStream(IterableDataset[TrainingBatch]):
         renderer = BankRenderer(bank, self.run)
         ends = [len(files), len(files) + len(shapes), len(packed)]
         slots = [range(start, end) for start, end in zip([0, *ends], ends, strict=False)]
-        # As where made shapes are few but renewed often: what counts is their share of the pairs.
+        # As with few procedural shapes that are renewed often: their share of the pairs matters.
         weights = [float(len(files)), source.shape_share * max(1, len(files))]
         objects = BankObjects(
             renderer, slots[:2] if files else slots[1:2], weights if files else [1.0]
@@ -87,10 +88,10 @@ class BankStream(IterableDataset[TrainingBatch]):
             batch = generator.batch(self.batch_size)
             yield batch
             for _ in range(self.iterations):
-                moves = None if self.student is None else self.student(batch.observation)
-                if moves is None:
+                delta = None if self.student is None else self.student(batch.observation)
+                if delta is None:
                     break
-                batch = generator.advance(batch, moves)
+                batch = generator.advance(batch, delta)
                 yield batch
             while len(waiting) < 4 * RENEWED and len(shapes):
                 waiting.append(self._made(pool, next(seeds)))
@@ -162,5 +163,5 @@ def _shape(seed: int) -> PackedMesh:
 
 def _hand(seed: int) -> tuple[PackedMesh, np.ndarray, bool]:
     random = np.random.default_rng(seed)
-    made = made_hand(random, 0.35, _PHOTOS)
+    made = made_hand(random, CARDS, _PHOTOS)
     return pack_mesh(made.mesh), np.asarray(made.tip), made.along is not None

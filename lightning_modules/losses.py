@@ -246,7 +246,7 @@ def view_loss(described: Tensor, views: ViewBatch, mesh: Tensor, temperature: Te
     mesh = mesh[:count].to(across.device)
     never = across.new_tensor(_NEVER)
     across = torch.where(mesh[:, None] == mesh[None], never, across)
-    others = torch.where(views.right[:, 1:] > 0.5, never, own[:, 1:])
+    others = torch.where(views.positive[:, 1:] > 0.5, never, own[:, 1:])
     scale = temperature.exp().clamp_max(50.0)
     weight = views.visible * (views.visible > 0.3) * (size[:, 0] > 4)
     target = torch.zeros(count, dtype=torch.long, device=image.device)

@@ -33,10 +33,10 @@ from .bank_pairs import BankStream
 class RolloutConfig:
     """Training on the states that the network itself leads to.
 
-    After each batch of new pictures `cycles` more show the same ones, each after one more cycle of
-    the network: on a GPU of the one in training, else of the one in `weights` (.safetensors; None:
-    what this fit itself exports), which is read anew whenever it changes; no such file yet, or no
-    cycles, no such batches.
+    After each batch of new images `iterations` more show the same ones, each after one more
+    iteration of the network: on a GPU of the one in training, else of the one in `weights`
+    (.safetensors; None: what this fit itself exports), which is read anew whenever it changes.
+    Without such a file, or with 0 iterations, there are no such batches.
     """
 
     weights: Path | None = None
@@ -85,7 +85,7 @@ class PairDataModule(pl.LightningDataModule):
         workers: int = 1,
         validation_batches: int = 8,
         seed: int = 0,
-        pairs: PairConfig | None = None,
+        pairs: PairConfig = PairConfig(),  # noqa: B008 (frozen)
         rollouts: RolloutConfig | None = None,
         device: Literal["cpu", "cuda"] = "cpu",
     ) -> None:
@@ -105,7 +105,7 @@ class PairDataModule(pl.LightningDataModule):
         self.renew_every = renew_every
         self.batch_size, self.workers = batch_size, workers
         self.validation_batches, self.seed = validation_batches, seed
-        self.pairs = pairs or PairConfig()
+        self.pairs = pairs
         self.rollouts = rollouts or RolloutConfig()
         self.device = device
         self._validation: list[TrainingBatch] = []
@@ -264,7 +264,7 @@ class PairStream(IterableDataset[TrainingBatch]):
             batch = generator.batch(self.batch_size)
             yield batch
             for _ in range(student.iterations if student.ready() else 0):
-                batch = generator.advance(batch, student.moves(batch.observation))
+                batch = generator.advance(batch, student.delta(batch.observation))
                 yield batch
 
 
@@ -305,8 +305,8 @@ class _Student:
             self.changed = changed
         return True
 
-    def moves(self, observation: Observation) -> Tensor:
-        """Its six counts (B, 6) for a batch."""
+    def delta(self, observation: Observation) -> Tensor:
+        """Its pose deltas (B, 6) for a batch."""
         assert self.network is not None
         delta = self.network(observation).delta
         if delta is None:

@@ -23,8 +23,21 @@ from torch.nn import functional
 from lightning_modules.cli import read_data
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.policies import NetworkPolicy, load_policy
+from moveit6d.synthesis.augmentation.config import (
+    CastShadowConfig,
+    ImageBorderConfig,
+    LensErrorConfig,
+    OcclusionConfig,
+)
+from moveit6d.synthesis.augmentation.hands import HandConfig
 from moveit6d.synthesis.augmentation.photos import load_photos
-from moveit6d.synthesis.training.pairs import PairConfig, PairGenerator, TrainingBatch
+from moveit6d.synthesis.training.pairs import (
+    FarRotationConfig,
+    PairConfig,
+    PairGenerator,
+    TrainingBatch,
+    ZoomConfig,
+)
 from moveit6d.synthesis.training.views import ViewConfig
 
 CONFIG = Path(__file__).parents[1] / "configs/fit/compact.yaml"
@@ -62,13 +75,23 @@ def main() -> int:
 
 
 def _clear(pairs: PairConfig, gamma: float) -> PairConfig:
-    """The pairs without what covers or bends an object."""
+    """The pairs without what hides or distorts an object."""
     augment = replace(
-        pairs.augment, gamma=(gamma, gamma), occluded=0.0, shadowed=0.0, lens_error=0.0, border=0.0
+        pairs.augment,
+        gamma=(gamma, gamma),
+        occlusion=OcclusionConfig(probability=0.0),
+        cast_shadow=CastShadowConfig(probability=0.0),
+        lens_error=LensErrorConfig(probability=0.0),
+        image_border=ImageBorderConfig(probability=0.0),
     )
-    hands = replace(pairs.hands, share=0.0)
     return replace(
-        pairs, augment=augment, hands=hands, views=ViewConfig(), turned=0.0, absent=0.0, zoomed=0.0
+        pairs,
+        augment=augment,
+        hands=HandConfig(),
+        views=ViewConfig(),
+        far_rotation=FarRotationConfig(),
+        absent_probability=0.0,
+        zoom=ZoomConfig(),
     )
 
 

@@ -41,7 +41,7 @@ def test_pairs_are_written_in_parts_and_kept(
         "--set",
         "data.batch_size=2",
         "--set",
-        "data.pairs.bank.each_batch=1",
+        "data.pairs.bank.new_per_batch=1",
         "--output",
         str(folder),
         "--shards",

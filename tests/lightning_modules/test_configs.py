@@ -15,8 +15,8 @@ from PIL import Image
 from lightning_modules.cli import read_data
 from lightning_modules.pose_action_module import PoseActionModule
 from moveit6d.networks.action_net import ActionConfig, ActionNet
-from moveit6d.synthesis.augmentation.augment import AugmentConfig
-from moveit6d.synthesis.augmentation.lighting import LightConfig
+from moveit6d.synthesis.augmentation.config import AugmentConfig
+from moveit6d.synthesis.augmentation.lights import LightConfig
 from moveit6d.synthesis.augmentation.occluder_bank import BankConfig
 from moveit6d.synthesis.training.pairs import PairConfig
 from tests.support.pairs import CONFIGS, photos, preset
@@ -64,15 +64,13 @@ def test_presets_name_every_value_so_that_one_replaces_the_other(name: str) -> N
 def test_the_shipped_model_s_defaults_are_the_realistic_ones_but_for_what_is_new() -> None:
     new = preset("realistic")
     old, default = new.augment, AugmentConfig()
-    differ = {
-        f.name for f in dataclasses.fields(old) if getattr(old, f.name) != getattr(default, f.name)
-    }
+    names = [item.name for item in dataclasses.fields(old)]
+    differ = {name for name in names if getattr(old, name) != getattr(default, name)}
     assert differ == {
-        "background_blurred",
+        "background_blur",
         "lens_error",
-        "downsampled",
-        "boards",
-        "cluttered",
+        "downsampling",
+        "calibration_board",
         "clutter",
     }
     assert new.lights == LightConfig() and new.bank == BankConfig()
@@ -83,9 +81,9 @@ def test_presets_are_chosen_and_overridden_by_name() -> None:
     """The file's values all go; what is named after it stays."""
     fit = f"--config={CONFIGS / 'fit' / 'multi_object.yaml'}"
     realistic = f"--data.pairs={CONFIGS / 'pairs' / 'realistic.yaml'}"
-    found = read_data([fit, realistic, "--data.pairs.hands.share=0.5"]).pairs
-    hands = dataclasses.replace(found.hands, share=preset("realistic").hands.share)
-    assert found.hands.share == 0.5
+    found = read_data([fit, realistic, "--data.pairs.hands.probability=0.5"]).pairs
+    assert found.hands.probability == 0.5
+    hands = preset("realistic").hands
     assert dataclasses.replace(found, hands=hands) == preset("realistic")
 
 
@@ -136,7 +134,7 @@ def test_two_processes_train_together_each_on_its_own_pairs(tmp_path: Path) -> N
         "--data.workers=0",
         "--data.batch_size=2",
         "--data.validation_batches=1",
-        "--data.pairs.bank.each_batch=1",
+        "--data.pairs.bank.new_per_batch=1",
         f"--data.photos={pictures}",
         "--trainer.callbacks=tests.support.recorder.PairRecorder",
         f"--trainer.callbacks.folder={tmp_path}",

@@ -13,7 +13,7 @@ from moveit6d.rendering import cuda_renderer
 from moveit6d.rendering.cuda_renderer import BankRenderer
 from moveit6d.rendering.embree import EmbreeRenderer
 from moveit6d.rendering.mesh_bank import MeshBank, pack_mesh
-from moveit6d.synthesis.augmentation.occluders import hand
+from moveit6d.synthesis.objects.occluders import hand
 from moveit6d.synthesis.objects.shapes import random_object
 from tests.support.meshes import square
 from tests.support.rasterizer import compiled

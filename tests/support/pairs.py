@@ -11,8 +11,8 @@ from jsonargparse import ArgumentParser
 from PIL import Image
 
 from moveit6d.geometry.mesh import Mesh
-from moveit6d.synthesis.augmentation.augment import RandomSource
 from moveit6d.synthesis.augmentation.backgrounds import procedural_photo
+from moveit6d.synthesis.augmentation.random_source import RandomSource
 from moveit6d.synthesis.objects.shapes import random_object
 from moveit6d.synthesis.training.pairs import PairConfig
 from moveit6d.synthesis.training.source import PairSource
@@ -29,7 +29,7 @@ def photos() -> tuple[np.ndarray, ...]:
 
 @cache
 def objects() -> tuple[Mesh, ...]:
-    """Three made objects."""
+    """Three procedural objects."""
     random = np.random.default_rng(0)
     return tuple(random_object(random, photos()) for _ in range(3))
 
@@ -42,7 +42,7 @@ def small_source(folder: Path) -> PairSource:
 
 
 def rng(seed: int = 0) -> RandomSource:
-    """Dice of their own."""
+    """A random source of its own."""
     return RandomSource(torch.Generator().manual_seed(seed))
 
 

@@ -1,6 +1,6 @@
-"""Single pictures with known truth: one object at a random pose before a photo, and a start pose.
+"""Single images with known truth: one object at a random pose before a photo, and a start pose.
 
-Never refines. The light is that of training pairs; a photo card hides a third of the object where
+Never refines. Lights are those of training pairs; a photo card hides a third of the object where
 occlusion is asked for.
 """
 
@@ -21,11 +21,15 @@ from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
 from ..rendering.renderer import Renderer
-from .augmentation.lighting import LightConfig, light
+from .augmentation.lights import LightConfig, random_lighting
 from .default_camera import CAMERA
+from .imaging.blur import gaussian_blur
+from .imaging.layers import over, premultiplied
+from .imaging.sensor import add_noise, to_bytes
 from .training.clusters import ClusterConfig, draw_delta
 
-FINE = 320  # pixels of the patch in which the object is rendered before it is put in the picture
+FINE = 320  # pixels of the crop in which the object is rendered before it is warped in
+NOISE = 0.01  # of full white
 
 
 @dataclass(frozen=True)
@@ -62,9 +66,11 @@ def make_cases(
             card_photo = photos[int(random.integers(len(photos)))]
             picture = _occlude(picture, card_photo, mesh, truth, random)
         picture = picture * random.uniform(0.8, 1.2)
-        picture += 0.01 * torch.randn(picture.shape, generator=generator)
-        image = (picture.clamp(0, 1) * 255).round().to(torch.uint8).permute(1, 2, 0)
-        yield Case(Target(image, CAMERA, mesh, mesh.outer(start)), mesh.outer(truth))
+        picture = add_noise(picture, torch.randn(picture.shape, generator=generator), NOISE)
+        yield Case(
+            Target(to_bytes(picture).permute(1, 2, 0), CAMERA, mesh, mesh.outer(start)),
+            mesh.outer(truth),
+        )
 
 
 def _random_pose(mesh: Mesh, random: np.random.Generator, generator: torch.Generator) -> Pose:
@@ -87,7 +93,7 @@ def _photo(photo: np.ndarray) -> Tensor:
 def _put(
     picture: Tensor, mesh: Mesh, truth: Pose, renderer: Renderer, generator: torch.Generator
 ) -> Tensor:
-    """The picture with the lit object in it, rendered finely in a look-at view and warped in."""
+    """The picture with the shaded object, rendered in a fine look-at view and warped in."""
     diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
     view = look_at(truth, diameter)
     matrix = view.intrinsics.clone()
@@ -99,21 +105,18 @@ def _put(
     buffer = renderer.render([mesh], pose, matrix[None], FINE)
     distance = (view.distance / diameter).float()[None]
     depth = (buffer.depth / diameter.float() - distance[0]) * buffer.mask
-    lit = light(
+    lit = random_lighting(
         buffer.albedo, buffer.normal, depth, buffer.mask, distance, LightConfig(), generator
     )
-    layer = torch.cat([lit * buffer.mask, buffer.mask], 1)
+    layer = premultiplied(lit, buffer.mask)
     scale = float(matrix[0, 0]) / CAMERA.fx
     if scale > 1:  # the picture is coarser: blur first, or edges alias
-        from kornia.filters import gaussian_blur2d
-
-        width = 2 * int(2 * scale) + 1
-        layer = gaussian_blur2d(layer, (width, width), (0.45 * scale, 0.45 * scale))
+        layer = gaussian_blur(layer, torch.tensor([0.45 * scale]), int(2 * scale))
     back = torch.linalg.inv(crop_homography(fine, CAMERA.matrix))[None].float()
     warped: Tensor = warp_perspective(
         layer, back, (CAMERA.height, CAMERA.width), align_corners=True
-    )[0]
-    return picture * (1 - warped[3:]) + warped[:3]
+    )
+    return over(picture[None], warped)[0]
 
 
 def _occlude(

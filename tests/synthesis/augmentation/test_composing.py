@@ -1,19 +1,17 @@
-"""What lies behind an object: as often as stated, and never before it."""
+"""The background of an object: clutter and boards as often as stated."""
 
 from dataclasses import replace
 
 import pytest
 import torch
 
-from moveit6d.synthesis.augmentation.augment import AugmentConfig
-from moveit6d.synthesis.augmentation.composing import (
-    Composer,
-    linear,
-    linear_layer,
-    over,
-    soft_edge,
+from moveit6d.synthesis.augmentation.composing import Composer
+from moveit6d.synthesis.augmentation.config import (
+    AugmentConfig,
+    CalibrationBoardConfig,
+    ClutterConfig,
 )
-from moveit6d.synthesis.augmentation.lighting import LightConfig
+from moveit6d.synthesis.augmentation.lights import LightConfig
 from moveit6d.synthesis.augmentation.photo_bank import PhotoBank
 from tests.support.pairs import photos, rng
 
@@ -29,52 +27,27 @@ def changed(augment: AugmentConfig, layer: torch.Tensor) -> torch.Tensor:
     return seen.flatten(1).amax(1) > 0
 
 
-def test_other_objects_and_boards_lie_behind_as_often_as_stated() -> None:
-    nothing = AugmentConfig(cluttered=0.0, boards=0.0)
+def test_other_objects_and_boards_are_behind_as_often_as_stated() -> None:
+    nothing = AugmentConfig(clutter=ClutterConfig(probability=0.0))
     solid = torch.ones(600, 4, 24, 24)
     assert not changed(nothing, solid).any()
-    objects = changed(replace(nothing, cluttered=0.4, clutter=3), solid)
+    objects = changed(
+        replace(nothing, clutter=ClutterConfig(probability=0.4, max_objects=3)), solid
+    )
     assert objects.float().mean() == pytest.approx(0.4, abs=0.06)
-    calibration_boards = changed(replace(nothing, boards=0.3), solid)
-    assert calibration_boards.float().mean() == pytest.approx(0.3, abs=0.06)
+    boards = changed(replace(nothing, calibration_board=CalibrationBoardConfig(0.3)), solid)
+    assert boards.float().mean() == pytest.approx(0.3, abs=0.06)
 
 
 def test_each_number_of_objects_behind_is_as_likely() -> None:
     # Small objects at known brightness add up where they overlap nowhere: count by area.
     small = torch.zeros(600, 4, 24, 24)
     small[:, :, 10:14, 10:14] = 1.0
-    augment = AugmentConfig(cluttered=1.0, boards=0.0, clutter=3, same_colour_distractors=0.0)
-    composer = Composer(BANK, augment, LightConfig(), rng())
-    one = replace(augment, clutter=1)
+    three = AugmentConfig(clutter=ClutterConfig(1.0, 3, same_object_probability=0.0))
+    one = AugmentConfig(clutter=ClutterConfig(1.0, 1, same_object_probability=0.0))
+    composer = Composer(BANK, three, LightConfig(), rng())
     single = Composer(BANK, one, LightConfig(), rng())
     several = composer._cluttered(BACKGROUND, small).mean()
     assert float(several / single._cluttered(BACKGROUND, small).mean()) == pytest.approx(
         2, abs=0.35
     )
-
-
-def half_covered(gamma: float) -> float:
-    """Where, along a row, a blurred edge from white to dark grey passes the middle of both."""
-    exponent = torch.full((1, 1, 1, 1), gamma)
-    white = torch.zeros(1, 4, 8, 64)
-    white[..., :32] = 1.0
-    dark = torch.full((1, 3, 8, 64), 0.2)
-    layer = torch.cat([linear(white[:, :3], exponent) * white[:, 3:], white[:, 3:]], 1)
-    picture = over(linear(dark, exponent), soft_edge(layer))
-    picture = torch.nn.functional.avg_pool2d(picture, 5, 1, 2, count_include_pad=False)
-    row = (picture ** (1 / gamma))[0, 0, 4]
-    return float((row[8:] > 0.6).sum())
-
-
-def test_light_adds_up_at_an_edge_so_that_bright_things_look_larger() -> None:
-    assert half_covered(1.0) == 24
-    assert half_covered(2.2) == 25
-
-
-def test_layers_become_linear_without_their_alpha() -> None:
-    alpha = torch.rand(2, 1, 4, 4) * 0.9 + 0.1
-    colour = torch.rand(2, 3, 4, 4)
-    gamma = torch.tensor([1.0, 2.2])[:, None, None, None]
-    found = linear_layer(torch.cat([colour * alpha, alpha], 1), gamma)
-    assert torch.allclose(found[:, :3], colour**gamma * alpha, atol=1e-5)
-    assert torch.equal(found[:, 3:], alpha)

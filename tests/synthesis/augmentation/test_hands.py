@@ -8,8 +8,8 @@ import torch
 
 from moveit6d.geometry.crop import OBJECT_SIZE
 from moveit6d.synthesis.augmentation.hands import WIDTH, HandConfig, Hands, MadeHands
-from moveit6d.synthesis.augmentation.lighting import LightConfig
-from moveit6d.synthesis.augmentation.occluders import hand
+from moveit6d.synthesis.augmentation.lights import LightConfig
+from moveit6d.synthesis.objects.occluders import hand
 from tests.support.pairs import photos, rng
 
 LIGHTS = LightConfig()
@@ -21,15 +21,15 @@ def some_hands(config: HandConfig, seed: int = 0) -> Hands:
 
 
 def test_they_are_there_as_often_as_stated() -> None:
-    hands = some_hands(HandConfig(share=0.25, kept=3))
+    hands = some_hands(HandConfig(probability=0.25, pool_size=3))
     chosen = [len(hands.draw(40, torch.full((40,), 5.0))[0]) for _ in range(3)]
     assert sum(chosen) / 120 == pytest.approx(0.25, abs=0.1)
-    nobody, layers = some_hands(HandConfig(share=0.0)).draw(40, torch.full((40,), 5.0))
+    nobody, layers = some_hands(HandConfig(probability=0.0)).draw(40, torch.full((40,), 5.0))
     assert len(nobody) == 0 and layers.shape == (0, 4, 128, 128)
 
 
 def test_a_few_are_kept_and_renewed() -> None:
-    config = HandConfig(share=1.0, kept=5, renewed_every=2)
+    config = HandConfig(probability=1.0, pool_size=5, renew_every=2)
     hands = MadeHands(config, photos(), np.random.default_rng(0))
     seen = []
     for _ in range(5):
@@ -41,7 +41,7 @@ def test_a_few_are_kept_and_renewed() -> None:
 
 
 def test_fingertips_are_in_the_patch_and_arms_lead_outward() -> None:
-    config = HandConfig(share=1.0, width=(40.0, 60.0), spread=0.75)
+    config = HandConfig(probability=1.0, width=(40.0, 60.0), extent=0.75)
     one = hand(np.random.default_rng(0))
     distance = torch.full((200,), 5.0, dtype=torch.float64)
     tips = torch.from_numpy(one.tip).expand(200, 3)
@@ -64,7 +64,9 @@ def test_fingertips_are_in_the_patch_and_arms_lead_outward() -> None:
 
 
 def test_layers_show_lit_skin_that_reaches_the_border() -> None:
-    hands = some_hands(HandConfig(share=1.0, cards=0.0, width=(50.0, 80.0), kept=3))
+    hands = some_hands(
+        HandConfig(probability=1.0, card_probability=0.0, width=(50.0, 80.0), pool_size=3)
+    )
     chosen, layers = hands.draw(12, torch.full((12,), 6.0))
     assert chosen.tolist() == list(range(12))
     mask = layers[:, 3] > 0.5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d.synthesis.augmentation.lighting import LightConfig
+from moveit6d.synthesis.augmentation.lights import LightConfig
 from moveit6d.synthesis.augmentation.occluder_bank import BankConfig, OccluderBank
 from moveit6d.synthesis.objects.object_set import MeshObjects
 from tests.support.meshes import square
@@ -20,11 +20,11 @@ def a_bank(config: BankConfig) -> OccluderBank:
 def test_the_paper_s_bank() -> None:
     config = preset("paper").bank
     assert config.size == 20_000
-    assert (config.crop, config.resized) == ((96.0, 128.0), (32.0, 64.0))
+    assert (config.crop_size, config.resized_to) == ((96.0, 128.0), (32.0, 64.0))
 
 
 def test_it_grows_to_its_size_and_not_farther() -> None:
-    bank = a_bank(BankConfig(size=20, each_batch=8))
+    bank = a_bank(BankConfig(size=20, new_per_batch=8))
     sizes = []
     for _ in range(4):
         bank.grow()
@@ -34,7 +34,7 @@ def test_it_grows_to_its_size_and_not_farther() -> None:
 
 
 def test_drawn_patches_are_layers_in_the_middle_of_empty_ones() -> None:
-    bank = a_bank(BankConfig(size=8, each_batch=8))
+    bank = a_bank(BankConfig(size=8, new_per_batch=8))
     bank.grow()
     layers = bank.draw(30)
     assert layers.shape == (30, 4, 128, 128) and layers.min() >= 0 and layers.max() <= 1
@@ -66,8 +66,8 @@ def test_cuts_keep_at_least_96_pixels() -> None:
 
 def test_other_meshes_than_the_trained_ones_can_fill_it() -> None:
     sheet = square(colors=np.tile(np.uint8([255, 0, 0]), (4, 1)))
-    lights = LightConfig(unlit=1.0)
-    config = BankConfig(size=6, each_batch=6)
+    lights = LightConfig(unlit_probability=1.0)
+    config = BankConfig(size=6, new_per_batch=6)
     random = np.random.default_rng(0)
     bank = OccluderBank(MeshObjects([sheet]), config, lights, (3.0, 6.0), rng(), random)
     bank.grow()

@@ -18,9 +18,9 @@ from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.rendering.backends import make_renderer
-from moveit6d.rendering.renderer import GBuffer
-from moveit6d.synthesis.augmentation.occluders import random_occluder
+from moveit6d.synthesis.imaging.shading import Surface
 from moveit6d.synthesis.objects.demo_object import demo_object
+from moveit6d.synthesis.objects.occluders import random_occluder
 from moveit6d.synthesis.objects.shapes import random_object
 from moveit6d.synthesis.sequences.difficulty import DIFFICULTIES, Difficulty
 from moveit6d.synthesis.sequences.occlusion import visible_fraction
@@ -84,10 +84,10 @@ def test_truth_is_where_the_object_is_seen(
     seed: int, robot: Mesh, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Glowing and still in front of black: the picture is the true silhouette, soft at its edge.
-    def brightness(gbuffer: GBuffer, *_: object) -> torch.Tensor:
-        return gbuffer.mask.expand(-1, 3, -1, -1)
+    def brightness(surface: Surface, *_: object) -> torch.Tensor:
+        return torch.ones_like(surface.albedo)
 
-    monkeypatch.setattr("moveit6d.synthesis.sequences.image_formation.shade", brightness)
+    monkeypatch.setattr("moveit6d.synthesis.sequences.layers.shade", brightness)
     still = Difficulty("still", (1e-3, 2e-3), (1e-3, 2e-3), shutter=(0.01, 0.02), clutter=(0, 0))
     scene = Scene(robot, seed, 4, still, camera=SMALL, photos=[np.zeros((80, 100, 3), np.uint8)])
     frame = scene.render_frame(1)

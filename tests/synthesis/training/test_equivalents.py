@@ -1,4 +1,4 @@
-"""Symmetric objects: nobody is asked to undo a turn that cannot be seen."""
+"""Symmetric objects: no delta holds a rotation that cannot be seen."""
 
 import math
 
@@ -12,7 +12,7 @@ from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3, random_rotations
 from moveit6d.geometry.symmetry import ContinuousSymmetry, Symmetries
 from moveit6d.synthesis.objects import primitives as make
-from moveit6d.synthesis.training.equivalents import nearest_delta, turned_from
+from moveit6d.synthesis.training.equivalents import nearest_delta, rotation_distance
 
 OFFSET = np.array([0.03, -0.02, 0.05])
 
@@ -93,7 +93,9 @@ def test_the_angle_between_two_rotations_is_that_to_the_nearest_equivalent() -> 
     start, _ = some_start(2)
     spin = exp_so3(torch.tensor([0.0, 0.0, 2.0], dtype=torch.float64))
     tilt = exp_so3(torch.tensor([0.4, 0.0, 0.0], dtype=torch.float64))
-    angles = turned_from([centred(ROUND), centred(PLAIN)], start.rotation, start.rotation @ spin)
+    angles = rotation_distance(
+        [centred(ROUND), centred(PLAIN)], start.rotation, start.rotation @ spin
+    )
     assert angles[0] < 0.6 and angles[1] == pytest.approx(math.degrees(2.0), abs=1e-6)
-    tilted = turned_from([centred(ROUND)] * 2, start.rotation, start.rotation @ tilt @ spin)
+    tilted = rotation_distance([centred(ROUND)] * 2, start.rotation, start.rotation @ tilt @ spin)
     assert tilted == pytest.approx([math.degrees(0.4)] * 2, abs=0.01), "of 315 turns the nearest"

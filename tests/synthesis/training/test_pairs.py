@@ -8,11 +8,16 @@ from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.networks.least_squares import cell_pixels, move_points, project_points, surface_points
 from moveit6d.synthesis.augmentation.backgrounds import procedural_photo
-from moveit6d.synthesis.augmentation.composing import soft_edge
 from moveit6d.synthesis.objects.shapes import random_object
 from moveit6d.synthesis.objects.symmetric_shapes import symmetric_object
 from moveit6d.synthesis.training.clusters import ClusterConfig
-from moveit6d.synthesis.training.pairs import PairConfig, PairGenerator, TrainingBatch
+from moveit6d.synthesis.training.pairs import (
+    PairConfig,
+    PairGenerator,
+    TextureColourConfig,
+    TrainingBatch,
+    ZoomConfig,
+)
 from tests.support.pairs import objects, photos, preset
 
 
@@ -48,10 +53,10 @@ def test_the_same_seed_gives_the_same_pairs_and_another_one_others(
 
 
 @pytest.mark.parametrize("crop", ["look_at", "axis_parallel"])
-def test_the_counts_take_the_rendering_to_the_observed_object(
+def test_the_delta_takes_the_rendering_to_the_observed_object(
     generator_parts: tuple[list[Mesh], list[np.ndarray]], crop: Crop
 ) -> None:
-    """Surface points, moved by the counts, land on the true pose's surface where it shows."""
+    """Surface points, moved by the delta, land on the true pose's surface where it is visible."""
     batch = PairGenerator(*generator_parts, PairConfig(crop=crop), 3).batch(8, "all_small")
     assert bool(batch.direction.abs().max() > 0.2) == (crop == "axis_parallel")
     seen = batch.observation
@@ -67,26 +72,14 @@ def test_the_counts_take_the_rendering_to_the_observed_object(
     sample = torch.arange(8)[:, None]
     depth = batch.true_depth[sample, 0, goal[..., 1], goal[..., 0]] + seen.distance[:, None]
     off = (depth - moved[..., 2]).abs()[on_object]
-    assert (off < 0.03).float().mean() > 0.85  # the rest turned away or lies on the outline
-
-
-def test_soft_edges_are_a_small_blur_outside_and_of_the_mask() -> None:
-    """Against a plain convolution: alpha, and colour times alpha outside of the object."""
-    generator = torch.Generator().manual_seed(0)
-    mask = (torch.rand(2, 1, 12, 12, generator=generator) > 0.5).float()
-    layer = torch.cat([torch.rand(2, 3, 12, 12, generator=generator) * mask, mask], 1)
-    line = torch.tensor([0.25, 0.5, 0.25])
-    kernel = (line[:, None] * line).expand(4, 1, 3, 3)
-    wanted = torch.nn.functional.conv2d(layer, kernel, padding=1, groups=4)
-    wanted[:, :3] = torch.where(mask > 0.5, layer[:, :3] * wanted[:, 3:], wanted[:, :3])
-    assert torch.allclose(soft_edge(layer), wanted, atol=1e-6)
+    assert (off < 0.03).float().mean() > 0.85  # the rest is hidden or on the contour
 
 
 @pytest.mark.parametrize("crop", ["look_at", "axis_parallel"])
-def test_a_true_move_lands_exactly(
+def test_the_true_delta_leaves_nothing(
     generator_parts: tuple[list[Mesh], list[np.ndarray]], crop: Crop
 ) -> None:
-    """After the counts themselves nothing is left, and the rendering is the true pose's."""
+    """After the delta itself nothing is left, and the rendering is the true pose's."""
     generator = PairGenerator(*generator_parts, PairConfig(crop=crop), 4)
     batch = generator.batch(8, "all_large")
     there = generator.advance(batch, batch.delta)
@@ -99,7 +92,7 @@ def test_a_true_move_lands_exactly(
 def test_halfway_leaves_the_rest_and_shows_the_same_picture(
     generator_parts: tuple[list[Mesh], list[np.ndarray]],
 ) -> None:
-    """The counts that are left lead to the same truth, and the picture follows the crop."""
+    """The remaining delta leads to the same truth, and the image follows the crop."""
     generator = PairGenerator(*generator_parts, PairConfig(), 5)
     batch = generator.batch(8, "all_small")
     halfway = generator.advance(batch, batch.delta / 2)
@@ -112,10 +105,10 @@ def test_halfway_leaves_the_rest_and_shows_the_same_picture(
     assert off.mean() < 0.03, "sampled twice it is a little softer"
 
 
-ZOOMED = PairConfig(zoomed=0.5, zoom=(1.5, 1.9))
+ZOOMED = PairConfig(zoom=ZoomConfig(0.5, (1.5, 1.9)))
 
 
-def test_zoomed_pairs_show_the_same_larger_and_count_finer(
+def test_zoomed_pairs_show_the_same_larger(
     generator_parts: tuple[list[Mesh], list[np.ndarray]],
 ) -> None:
     meshes = generator_parts[0]
@@ -144,7 +137,7 @@ def test_policies_states_keep_their_zoom(
     assert (there.observation.depth - there.true_depth).abs().mean() < 1e-4
 
 
-def test_moves_that_lose_the_object_are_not_made(
+def test_deltas_that_lose_the_object_are_not_applied(
     generator_parts: tuple[list[Mesh], list[np.ndarray]],
 ) -> None:
     generator = PairGenerator(*generator_parts, PairConfig(), 6)
@@ -155,7 +148,7 @@ def test_moves_that_lose_the_object_are_not_made(
 
 
 def test_symmetric_objects_get_the_nearest_delta() -> None:
-    """A lathe's spin is in no counts, and the counts still lead to what is seen."""
+    """No delta holds a rotation about the axis, and it still leads to the observed image."""
     random = np.random.default_rng(0)
     meshes = [symmetric_object(random) for _ in range(6)]
     meshes = [mesh for mesh in meshes if mesh.symmetries.continuous]
@@ -164,9 +157,9 @@ def test_symmetric_objects_get_the_nearest_delta() -> None:
     drawn = torch.zeros(12, 6, dtype=torch.float64)
     drawn[:, 3:] = 8 * (torch.arange(36).reshape(12, 3) % 5 - 2)
     batch = generator.compose(torch.arange(12) % len(meshes), drawn)
-    turns = batch.delta[:, 3:].norm(dim=1)
-    assert (turns <= drawn[:, 3:].norm(dim=1).float() + 0.6).all()
-    assert (turns < 0.8 * drawn[:, 3:].norm(dim=1).float()).any()
+    angles = batch.delta[:, 3:].norm(dim=1)
+    assert (angles <= drawn[:, 3:].norm(dim=1).float() + 0.6).all()
+    assert (angles < 0.8 * drawn[:, 3:].norm(dim=1).float()).any()
     there = generator.advance(batch, batch.delta)
     assert there.delta.abs().max() < 1.0
     assert (there.observation.mask != there.true_mask).float().mean() < 0.005
@@ -175,19 +168,20 @@ def test_symmetric_objects_get_the_nearest_delta() -> None:
 def test_renderings_have_colours_that_are_wrong_as_a_whole_and_from_place_to_place(
     generator_parts: tuple[list[Mesh], list[np.ndarray]],
 ) -> None:
-    def gains(config: PairConfig) -> torch.Tensor:
+    def gains(gain: float, varying_gain: float = 0.0) -> torch.Tensor:
         """What the colours of the same renderings are multiplied by."""
-        plain = PairConfig(texture_gain=0.0)
+        plain = PairConfig(texture_colour=TextureColourConfig(0.0))
+        config = PairConfig(texture_colour=TextureColourConfig(gain, varying_gain))
         generators = [PairGenerator(*generator_parts, c, 0) for c in (plain, config)]
         true, wrong = (g.batch(6).observation.rendering for g in generators)
         bright = (true > 0.2) & (true < 0.6)
         return (wrong / true.clamp_min(0.1))[bright] - 1
 
-    assert gains(PairConfig(texture_gain=0.0)).abs().max() == 0
-    whole = gains(PairConfig(texture_gain=0.2))
+    assert gains(0.0).abs().max() == 0
+    whole = gains(0.2)
     assert 0.05 < whole.abs().max() <= 0.2 + 1e-5
     assert len(torch.unique(whole.round(decimals=3))) < 80
-    wave = gains(PairConfig(texture_gain=0.0, texture_wave=0.15))
+    wave = gains(0.0, 0.15)
     assert 0.05 < wave.abs().max() <= 0.15 + 1e-5
     assert len(torch.unique(wave.round(decimals=3))) > 80
 
@@ -210,13 +204,14 @@ def test_the_paper_s_pairs_have_its_other_numbers() -> None:
     paper = preset("paper")
     assert paper.clusters.shares() == (0.2, 0.2, 0.2, 0.2, 0.2, 0.0)
     assert paper.clusters == ClusterConfig(), "the ranges are tested in test_clusters"
-    assert paper.augment.acts_on == "objects" and paper.hands.share == 0
-    assert (paper.augment.blurred, paper.augment.radial) == (0.75, 0.25)
-    assert (paper.augment.motion_sigma, paper.augment.radial_sigma) == (0.05, 0.05)
+    augment = paper.augment
+    assert augment.blur_and_colour_of == "layers" and paper.hands.probability == 0
+    assert (augment.blur.probability, augment.radial_blur.probability) == (0.75, 0.25)
+    assert (augment.blur.motion.length_sigma, augment.radial_blur.zoom_sigma) == (0.05, 0.05)
 
 
 def test_the_paper_s_photos_are_neither_blurred_nor_recoloured() -> None:
-    """What acts on the objects leaves the photo behind them as it is."""
+    """Blur and colour of the layers leave the photo behind them as it is."""
     grey = [np.full((150, 150, 3), 100, np.uint8)]
     batch = PairGenerator(list(objects()), grey, preset("paper"), 0).batch(8)
     corner = batch.observation.image[:, :, :6, :6]

@@ -1,4 +1,4 @@
-"""Views for descriptors: the object in the middle, the right template first."""
+"""Views for descriptors: the object in the middle, the positive template first."""
 
 from dataclasses import replace
 
@@ -9,15 +9,17 @@ from moveit6d.synthesis.training.pairs import PairConfig, PairGenerator
 from moveit6d.synthesis.training.views import ViewConfig
 from tests.support.pairs import objects, photos
 
-EXACT = ViewConfig(share=0.5, others=3, near=0.0, shift=0.0, size=0.0, distance=(5.0, 5.0))
+EXACT = ViewConfig(
+    share=0.5, other_views=3, positive_rotation=0.0, shift=0.0, size=0.0, distance=(5.0, 5.0)
+)
 
 
 def drawn(views: ViewConfig, absent: float = 0.0, size: int = 12):  # type: ignore[no-untyped-def]
-    config = replace(PairConfig(), views=views, distance=(5.0, 5.0), absent=absent)
+    config = replace(PairConfig(), views=views, distance=(5.0, 5.0), absent_probability=absent)
     return PairGenerator(list(objects()), list(photos()), config, 3).batch(size, "all_large")
 
 
-def test_the_first_template_lies_where_the_object_is_seen() -> None:
+def test_the_first_template_shows_the_object_where_it_is() -> None:
     views = drawn(EXACT).views
     assert views is not None and views.image.shape == (6, 3, 128, 128)
     assert views.templates.shape == (6, 4, 3, 128, 128) and views.masks.shape == (6, 4, 1, 128, 128)
@@ -27,16 +29,16 @@ def test_the_first_template_lies_where_the_object_is_seen() -> None:
     x, y = line.expand(128, 128).flatten(), line[:, None].expand(128, 128).flatten()
     centre = torch.stack([(middle * x).sum(1), (middle * y).sum(1)], 1) / middle.sum(1)[:, None]
     assert centre.abs().max() < 25
-    assert (views.right[:, 0] == 1).all()
+    assert (views.positive[:, 0] == 1).all()
     assert views.visible.min() >= 0 and views.visible.max() <= 1.001
 
 
-def test_equivalent_templates_are_right_ones_and_far_turns_are_not() -> None:
-    views = drawn(replace(EXACT, turned=(60.0, 90.0))).views
+def test_templates_are_positive_up_to_an_angle() -> None:
+    views = drawn(replace(EXACT, other_rotation=(60.0, 90.0))).views
     assert views is not None
     plain = [mesh.symmetries.is_trivial for mesh in objects()]
     if all(plain):
-        assert (views.right[:, 1:3] == 0).all()
+        assert (views.positive[:, 1:3] == 0).all()
 
 
 def test_an_absent_object_is_invisible() -> None:

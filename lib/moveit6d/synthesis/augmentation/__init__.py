@@ -1,4 +1,4 @@
-"""Augmentation of rendered patches: backgrounds, occluders, light, lens and sensor effects.
+"""Augmentation of rendered crops: random backgrounds, occluders, lights and camera effects.
 
 Never decides how far a start pose is off.
 """

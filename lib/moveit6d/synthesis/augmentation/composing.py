@@ -1,7 +1,8 @@
-"""Puts an observed patch together: photo, clutter, the lit object, occluders, the camera.
+"""Composes the observed crop: photo, clutter, the shaded object, occluders, camera effects.
 
-Never renders the object itself. The same steps make the paper's pictures and the realistic ones;
-which of them happen, how often and how much is `AugmentConfig`, `HandConfig` and `BankConfig`.
+Never renders the object itself. The same steps make the paper's pairs and the realistic ones;
+which of them happen, how often and how strongly is said by `AugmentConfig`, `HandConfig` and
+`BankConfig`.
 """
 
 from __future__ import annotations
@@ -11,46 +12,45 @@ from collections.abc import Callable
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn import functional
 
 from ...geometry.crop import PATCH_SIZE
 from ...rendering.renderer import GBuffer
+from ..imaging.layers import linear_layer, over, premultiplied, soft_edge, unpremultiplied
+from ..imaging.linear_light import to_linear
 from ..objects.object_set import ObjectSet
-from .augment import (
-    AugmentConfig,
-    RandomSource,
-    calibration_boards,
-    crop_region,
-    cut_border,
-    loose,
-    loose_things,
-    occlude,
-    over,
-    rounds,
-    scatter,
-    shadow,
+from .camera_effects import (
+    colour_jitter,
+    random_blur,
+    random_digitization,
+    random_gaussian_blur,
+    random_lens_error,
+    random_noise,
+    random_radial_blur,
+    random_sharpening,
 )
+from .config import AugmentConfig
 from .hands import HandConfig, Hands, HandSource
-from .lens_effects import (
-    blur,
-    defocus_background,
-    degrade,
-    perturb_lens,
-    radial_blur,
-    recolour,
-    sharpen,
-)
-from .lighting import LightConfig, light
+from .lights import LightConfig, random_lighting
 from .occluder_bank import BankConfig, OccluderBank
+from .occlusion import (
+    calibration_boards,
+    cast_shadow,
+    cut_border,
+    occlude,
+    occluder_source,
+    random_counts,
+    scatter,
+    show_window,
+)
 from .photo_bank import PhotoBank
+from .random_source import RandomSource
 
 
 class Composer:
-    """Makes observed patches of what is rendered; its occluders are made as it goes.
+    """Makes observed crops of what is rendered; its occluders are rendered as it goes.
 
-    What reaches a pixel from several things, at an edge or in a blur, adds up as light does, so
-    colours are made linear first (`AugmentConfig.gamma`): before something dark, something bright
-    looks larger.
+    Colours are made linear first (`AugmentConfig.gamma`), as light adds up at edges and in blurs:
+    in front of something dark, something bright looks larger.
     """
 
     def __init__(
@@ -75,101 +75,91 @@ class Composer:
         self.hands = Hands(config, source, self.lights, random, self.rng)
 
     def picture(self, observed: GBuffer, depth: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
-        """Observed patches (B, 3, 128, 128), and 1 where nothing would occlude the object.
+        """Observed crops (B, 3, 128, 128), and 1 where nothing would occlude the object.
 
         `depth` (B, 1, 128, 128) is relative to the look-at view's centre and `distance` (B,) that
         centre's, in diameters.
         """
         augment, rng, batch = self.augment, self.rng, len(distance)
-        lit = light(
+        lit = random_lighting(
             observed.albedo, observed.normal, depth, observed.mask, distance,
             self.lights, rng.generator,
         )  # fmt: skip
         gamma = rng.uniform(batch, 1, 1, 1, between=augment.gamma)
-        layer = torch.cat([linear(lit, gamma) * observed.mask, observed.mask], 1)
-        background = defocus_background(linear(self._photos(batch), gamma), augment, rng)
+        layer = premultiplied(to_linear(lit, gamma), observed.mask)
+        background = to_linear(self._photos(batch), gamma)
+        background = random_gaussian_blur(background, augment.background_blur, rng)
         background = self._cluttered(background, layer)
-        picture = over(background, self._imaged_layer(soft_edge(layer)))
-        picture, occlusion = occlude(picture, self._things(layer, gamma), augment, rng)
+        picture = over(background, self._camera_layer(soft_edge(layer)))
+        occluders = self._occluders(layer, gamma)
+        picture, occlusion = occlude(picture, occluders, augment.occlusion, rng)
         if self.hands is not None:
             chosen, fronts = self.hands.draw(batch, distance)
             fronts = linear_layer(fronts, gamma[chosen])
             picture[chosen] = over(picture[chosen], soft_edge(fronts))
             occlusion[chosen] = torch.maximum(occlusion[chosen], fronts[:, 3:])
-        picture, occlusion = crop_region(background, picture, occlusion, augment, rng)
-        picture, border = cut_border(self._taken(picture, gamma).clamp(0, 1), augment, rng)
+        window = augment.visible_window
+        picture, occlusion = show_window(background, picture, occlusion, window, rng)
+        picture = self._through_camera(picture, gamma).clamp(0, 1)
+        picture, border = cut_border(picture, augment.image_border, rng)
         return (picture * 255).round() / 255, (occlusion < 0.5) * (1 - border)
 
-    def _taken(self, picture: Tensor, gamma: Tensor) -> Tensor:
-        """The picture, of linear colours, as the camera takes it."""
-        augment, rng, whole = self.augment, self.rng, self.augment.acts_on == "picture"
-        picture = shadow(picture, augment, rng)
+    def _through_camera(self, picture: Tensor, gamma: Tensor) -> Tensor:
+        """The picture, of linear colours, as the camera records it."""
+        augment, rng = self.augment, self.rng
+        whole = augment.blur_and_colour_of == "image"
+        picture = cast_shadow(picture, augment.cast_shadow, rng)
         if whole:
-            picture = radial_blur(blur(picture, augment, rng), augment, rng)
-        picture = perturb_lens(picture, augment, rng)
-        picture = degrade(picture, gamma, augment, rng)
-        picture = sharpen(picture, augment, rng)
-        return recolour(picture, augment, rng) if whole else picture
+            picture = self._blurred(picture)
+        picture = random_lens_error(picture, augment.lens_error, rng)
+        picture = random_digitization(picture, gamma, augment.downsampling, augment.jpeg, rng)
+        picture = random_sharpening(picture, augment.sharpening, rng)
+        return self._recoloured(picture) if whole else picture
 
-    def _imaged_layer(self, layer: Tensor) -> Tensor:
+    def _camera_layer(self, layer: Tensor) -> Tensor:
         """Blur and colour of one layer alone, if that is what they act on."""
-        if self.augment.acts_on == "picture":
+        if self.augment.blur_and_colour_of == "image":
             return layer
-        layer = radial_blur(blur(layer, self.augment, self.rng), self.augment, self.rng)
-        colour, alpha = loose(layer)
-        colour = recolour(colour, self.augment, self.rng).clamp(0, 1)
-        return torch.cat([colour * alpha, alpha], 1)
+        colour, alpha = unpremultiplied(self._blurred(layer))
+        return premultiplied(self._recoloured(colour).clamp(0, 1), alpha)
+
+    def _blurred(self, image: Tensor) -> Tensor:
+        image = random_blur(image, self.augment.blur, self.rng)
+        return random_radial_blur(image, self.augment.radial_blur, self.rng)
+
+    def _recoloured(self, image: Tensor) -> Tensor:
+        image = colour_jitter(image, self.augment.colour, self.rng)
+        return random_noise(image, self.augment.noise, self.rng)
 
     def _cluttered(self, background: Tensor, layer: Tensor) -> Tensor:
         """Photos (B, 3, N, N) with boards and other objects of the batch in a part of them."""
         augment, rng, batch = self.augment, self.rng, len(background)
         background = background.clone()
-        with_board = rng.chance(batch, augment.boards).nonzero()[:, 0]
+        with_board = rng.chosen(batch, augment.calibration_board.probability)
         if len(with_board):
             background[with_board] = over(
                 background[with_board],
                 calibration_boards(len(with_board), background.shape[-1], rng),
             )
-        several = rounds(batch, augment.cluttered, augment.clutter, rng)
-        for layers, behind in enumerate(several):
-            same_colour = rng.chance(len(behind), augment.same_colour_distractors) & (layers == 0)
-            other = torch.where(same_colour, behind, rng.permutation(batch)[: len(behind)])
+        clutter = augment.clutter
+        counts = random_counts(batch, clutter.probability, clutter.max_objects, rng)
+        for number, behind in enumerate(counts):
+            same = rng.bernoulli(len(behind), clutter.same_object_probability) & (number == 0)
+            other = torch.where(same, behind, rng.permutation(batch)[: len(behind)])
             placed = scatter(layer[other], rng.uniform(len(behind), between=(0.4, 1.1)), 1.0, rng)
             background[behind] = over(background[behind], placed)
         return background
 
-    def _things(self, layer: Tensor, gamma: Tensor) -> Callable[[Tensor], Tensor]:
-        """Where occluders come from, in linear colours."""
+    def _occluders(self, layer: Tensor, gamma: Tensor) -> Callable[[Tensor], Tensor]:
+        """A source of occluders in linear colours."""
         bank = self.bank
         if bank is None:
-            photos = linear(self._photos(len(layer)), gamma)
-            return loose_things(layer, photos, self.augment, self.rng)
+            photos = to_linear(self._photos(len(layer)), gamma)
+            return occluder_source(layer, photos, self.augment.occlusion, self.rng)
         bank.grow()
         return lambda chosen: linear_layer(
-            self._imaged_layer(bank.draw(len(chosen))), gamma[chosen]
+            self._camera_layer(bank.draw(len(chosen))), gamma[chosen]
         )
 
     def _photos(self, count: int) -> Tensor:
         return self.photos.squares(count, PATCH_SIZE, self.rng)
-
-
-def linear(colour: Tensor, gamma: Tensor) -> Tensor:
-    """Colours (B, 3, H, W) as amounts of light, by the exponents (B, 1, 1, 1) of a screen."""
-    return colour.clamp(0, 1.5) ** gamma
-
-
-def linear_layer(layer: Tensor, gamma: Tensor) -> Tensor:
-    """`linear` for the colours of layers (B, 4, H, W) of colour × alpha and alpha."""
-    colour, alpha = loose(layer)
-    return torch.cat([linear(colour, gamma) * alpha, alpha], 1)
-
-
-def soft_edge(layer: Tensor) -> Tensor:
-    """A layer (B, 4, H, W) with an edge about a pixel wide, as a camera's pixels would show it."""
-    padded = functional.pad(layer, (1, 1, 1, 1))
-    # The kernel 1 2 1 along both axes; in place, as memory is what this costs.
-    rows = (padded[..., :-2] + padded[..., 2:]).add_(padded[..., 1:-1], alpha=2)
-    spread = (rows[..., :-2, :] + rows[..., 2:, :]).add_(rows[..., 1:-1, :], alpha=2).mul_(1 / 16)
-    alpha = spread[:, 3:]
-    colour = torch.where(layer[:, 3:] > 0.5, layer[:, :3] * alpha, spread[:, :3])
-    return torch.cat([colour, alpha], 1)

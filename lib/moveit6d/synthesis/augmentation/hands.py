@@ -1,6 +1,6 @@
 """Hands and cards in front of the object, rendered as large as they would be beside it.
 
-Never decides what lies behind them. Unlike occluders from a bank they reach into the patch from
+Never decides what lies behind them. Unlike occluders from a bank they reach into the crop from
 outside, as an arm does.
 """
 
@@ -19,10 +19,10 @@ from ...geometry.crop import OBJECT_SIZE, PATCH_SIZE
 from ...geometry.pose import Pose
 from ...geometry.rotation import exp_so3, random_rotations
 from ..objects.object_set import MeshObjects, ObjectSet
-from .augment import RandomSource
-from .lighting import LightConfig
+from ..objects.occluders import Occluder, card, hand
+from .lights import LightConfig
 from .occluder_bank import lit_layers
-from .occluders import Occluder, card, hand
+from .random_source import RandomSource
 
 Range = tuple[float, float]
 FIRST = 4  # hands and cards that the first batch has to choose from
@@ -31,14 +31,23 @@ WIDTH = 0.084  # metres across the palm of `occluders.hand`; cards are about as 
 
 @dataclass(frozen=True)
 class HandConfig:
-    """How often a hand or a card is in front of the object, and how large; pixels of the patch."""
+    """Hands and cards in front of the object.
 
-    share: float = 0.0
-    cards: float = 0.35  # share of them that are cards
-    width: Range = (22.0, 85.0)  # of a palm or a card
-    spread: float = 0.75  # of the patch, in which fingertips and cards lie
-    kept: int = 16  # different ones at a time …
-    renewed_every: int = 6  # … of which one is replaced after so many batches
+    Args:
+        probability: of a hand or a card.
+        card_probability: of it to be a card.
+        width: of a palm or a card, pixels of the crop.
+        extent: of the crop, within which fingertips and cards lie.
+        pool_size: different ones at a time.
+        renew_every: batches after which one of them is replaced.
+    """
+
+    probability: float = 0.0
+    card_probability: float = 0.35
+    width: Range = (22.0, 85.0)
+    extent: float = 0.75
+    pool_size: int = 16
+    renew_every: int = 6
 
 
 class HandSource(Protocol):
@@ -70,13 +79,13 @@ class MadeHands:
     def _renew(self) -> None:
         """One more while there are few, and one replaced now and then."""
         self.batches += 1
-        full = len(self.kept) >= self.config.kept
-        if full and self.batches % self.config.renewed_every:
+        full = len(self.kept) >= self.config.pool_size
+        if full and self.batches % self.config.renew_every:
             return
         if full:
             self.kept.pop(int(self.random.integers(len(self.kept))))
         for _ in range(1 if self.kept else FIRST):
-            self.kept.append(made_hand(self.random, self.config.cards, self.photos))
+            self.kept.append(made_hand(self.random, self.config.card_probability, self.photos))
 
 
 def made_hand(random: np.random.Generator, cards: float, photos: Sequence[np.ndarray]) -> Occluder:
@@ -95,11 +104,11 @@ class Hands:
         self.lights, self.random, self.rng = lights, random, rng
 
     def draw(self, batch: int, distance: Tensor) -> tuple[Tensor, Tensor]:
-        """Which of the patches have one (n,), and the layers (n, 4, 128, 128) for them.
+        """Which of the crops have one (n,), and the layers (n, 4, 128, 128) for them.
 
-        `distance` (B,) in diameters gives each patch's perspective.
+        `distance` (B,) in diameters gives each crop's perspective.
         """
-        chosen = self.rng.chance(batch, self.config.share).nonzero()[:, 0]
+        chosen = self.rng.chosen(batch, self.config.probability)
         if not len(chosen):
             return chosen, torch.zeros(0, 4, PATCH_SIZE, PATCH_SIZE, device=chosen.device)
         objects, index, tips, reaching = self.source.take(len(chosen))
@@ -108,10 +117,10 @@ class Hands:
         return chosen, lit_layers(objects, index, poses, near, self.lights, self.rng)
 
     def _poses(self, tips: Tensor, reaching: Tensor, focal: Tensor) -> Pose:
-        """Fingertips and cards somewhere in the patch; arms leave it by the nearest side or so."""
+        """Fingertips and cards at random places; arms leave the crop by about the nearest side."""
         count, rng = len(tips), self.rng
         place = rng.uniform(count, 2, between=(-0.5, 0.5)).double()
-        place = place * self.config.spread * PATCH_SIZE
+        place = place * self.config.extent * PATCH_SIZE
         depth = focal * WIDTH / rng.uniform(count, between=self.config.width)
         outward = torch.atan2(place[:, 1], place[:, 0])
         outward = outward + rng.uniform(count, between=(-1.2, 1.2))
@@ -127,7 +136,7 @@ class Hands:
         """
         count, rng = len(angle), self.rng
         tilt, roll = rng.uniform(2, count, between=(-1.0, 1.0)).double()
-        flip = math.pi * rng.chance(count, 0.5)
+        flip = math.pi * rng.bernoulli(count, 0.5)
         return _turn(2, angle + math.pi / 2) @ _turn(0, 0.35 * tilt) @ _turn(1, flip + 0.7 * roll)
 
 

@@ -1,6 +1,6 @@
-"""The paper's bank of occluders: rendered patches of random objects, cut and made smaller.
+"""The paper's bank of occluders: rendered crops of random objects, cut and made smaller.
 
-Never pastes. Paper, "Data Augmentation Details": 20k rendered patches, of which four are drawn for
+Never pastes. Paper, "Data Augmentation Details": 20k rendered crops, of which four are drawn for
 a training picture. The bank fills up as training goes, so that a fit begins at once; a full one
 costs nothing any more.
 """
@@ -18,24 +18,31 @@ from ...geometry.crop import OBJECT_SIZE, PATCH_SIZE
 from ...geometry.pose import Pose
 from ...geometry.rotation import random_rotations
 from ..objects.object_set import ObjectSet
-from .augment import RandomSource
-from .lighting import LightConfig, light
+from .lights import LightConfig, random_lighting
+from .random_source import RandomSource
 
 Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class BankConfig:
-    """How many patches there are and how they are cut; 0 patches: no bank."""
+    """Rendered occluders that are kept.
+
+    Args:
+        size: how many; 0: no bank.
+        new_per_batch: rendered with each batch until the bank is full.
+        crop_size: height and width that are cut out of a rendered crop of 128 pixels.
+        resized_to: height and width to which the cut is resized.
+    """
 
     size: int = 0
-    each_batch: int = 16  # new patches a batch until the bank is full
-    crop: Range = (96.0, 128.0)  # height and width cut out of a rendered patch of 128
-    resized: Range = (32.0, 64.0)  # height and width that the cut is made
+    new_per_batch: int = 16
+    crop_size: Range = (96.0, 128.0)
+    resized_to: Range = (32.0, 64.0)
 
 
 class OccluderBank:
-    """Patches (4, h, w) of lit objects, colour × alpha and alpha, drawn at random."""
+    """Layers (4, h, w) of shaded objects, colour × alpha and alpha, drawn at random."""
 
     def __init__(
         self, objects: ObjectSet, config: BankConfig, lights: LightConfig, distance: Range,
@@ -43,21 +50,21 @@ class OccluderBank:
     ) -> None:  # fmt: skip
         self.objects, self.config, self.random = objects, config, random
         self.lights, self.distance, self.rng = lights, distance, rng
-        side = int(config.resized[1])
+        side = int(config.resized_to[1])
         # Pages of memory that nothing has been written to cost nothing.
         self.patches = torch.empty(config.size, 4, side, side, dtype=torch.uint8, device=rng.device)
         self.filled = 0
 
     def grow(self) -> None:
-        """Render new patches unless the bank is full."""
-        count = min(self.config.each_batch, self.config.size - self.filled)
+        """Render new layers unless the bank is full."""
+        count = min(self.config.new_per_batch, self.config.size - self.filled)
         if count > 0:
             self.patches[self.filled : self.filled + count] = self._render(count)
             self.filled += count
 
     def draw(self, count: int) -> Tensor:
-        """Random patches in the middle of empty ones of full size: (count, 4, 128, 128)."""
-        index = self.rng.whole(count, below=self.filled)
+        """Random layers in the middle of empty crops: (count, 4, 128, 128)."""
+        index = self.rng.integers(count, below=self.filled)
         margin = PATCH_SIZE - self.patches.shape[-1]
         before = margin // 2
         sides = (before, margin - before, before, margin - before)
@@ -80,8 +87,8 @@ class OccluderBank:
 
     def _cut(self, layer: Tensor) -> Tensor:
         """A random part of a layer (4, 128, 128), made smaller: (4, h, w)."""
-        high, wide = self.rng.uniform(2, between=self.config.crop).round().int().tolist()
-        small = self.rng.uniform(2, between=self.config.resized).round().int().tolist()
+        high, wide = self.rng.uniform(2, between=self.config.crop_size).round().int().tolist()
+        small = self.rng.uniform(2, between=self.config.resized_to).round().int().tolist()
         top, left = (
             int(self.rng.uniform(1).item() * (PATCH_SIZE - extent + 1)) for extent in (high, wide)
         )
@@ -95,22 +102,22 @@ def lit_layers(
     objects: ObjectSet, index: Tensor, poses: Pose, distance: Tensor, lights: LightConfig,
     rng: RandomSource,
 ) -> Tensor:  # fmt: skip
-    """Objects (B,) seen in look-at patches, lit: (B, 4, 128, 128), colour × mask and mask.
+    """Shaded objects (B,) in look-at crops: (B, 4, 128, 128), colour × mask and mask.
 
     `distance` (B,) sets the focal length as that of an object so many diameters away.
     """
     focal = OBJECT_SIZE * distance
     seen = objects.render(index, poses, _patch_intrinsics(focal))
-    # The unit in which the middle of the patch is `distance` away: what `light` measures in.
+    # The unit in which the object's centre is `distance` away: lights are placed in it.
     unit = (poses.translation[:, 2] / distance).float()[:, None, None, None]
     near = distance.float()
     depth = (seen.depth / unit - near[:, None, None, None]) * seen.mask
-    lit = light(seen.albedo, seen.normal, depth, seen.mask, near, lights, rng.generator)
+    lit = random_lighting(seen.albedo, seen.normal, depth, seen.mask, near, lights, rng.generator)
     return torch.cat([lit * seen.mask, seen.mask], 1)
 
 
 def _patch_intrinsics(focal: Tensor) -> Tensor:
-    """Intrinsics (B, 3, 3) of look-at patches by their focal lengths (B,) in pixels."""
+    """Intrinsics (B, 3, 3) of look-at crops by their focal lengths (B,) in pixels."""
     matrix = focal.new_zeros(len(focal), 3, 3)
     matrix[:, 0, 0] = matrix[:, 1, 1] = focal
     matrix[:, 0, 2] = matrix[:, 1, 2] = (PATCH_SIZE - 1) / 2

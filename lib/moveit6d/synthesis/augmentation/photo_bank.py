@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .augment import RandomSource
+from .random_source import RandomSource
 
 SMALLEST = 48  # pixels: side of the smallest square that is cut
 
@@ -30,14 +30,14 @@ class PhotoBank:
 
     def squares(self, count: int, size: int, rng: RandomSource) -> Tensor:
         """Random squares of random photos, mirrored half of the time: (count, 3, size, size)."""
-        chosen = rng.whole(count, below=len(self.first))
+        chosen = rng.integers(count, below=len(self.first))
         height, width = self.height[chosen], self.width[chosen]
         most = torch.minimum(height, width).float()
         least = most.clamp_max(SMALLEST)
         share = rng.uniform(4, count)
         side = (least + share[0] * (most - least + 1)).floor().clamp_max(most)
         left, top = share[1] * (width - side), share[2] * (height - side)
-        line = (rng.line(size) + 0.5) / size  # (size,)
+        line = (rng.arange(size) + 0.5) / size  # (size,)
         across = torch.where(share[3, :, None] < 0.5, line, 1 - line)
         x = (left[:, None] + across * side[:, None] - 0.5).clamp_min(0)
         y = (top[:, None] + line * side[:, None] - 0.5).clamp_min(0)

@@ -19,8 +19,8 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...rendering.renderer import Renderer
 from ...typing import Float64
-from ..augmentation.occluders import board
-from .image_formation import silhouette
+from ..objects.occluders import board
+from .layers import silhouette
 from .motion import Motion
 from .occlusion import outline_window
 

@@ -1,4 +1,4 @@
-"""What is around the object of a sequence: light that changes and a picture that moves behind it.
+"""The environment of a sequence: light that changes and a background that moves.
 
 Never knows the object's motion.
 """
@@ -17,13 +17,16 @@ from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...rendering.renderer import Renderer
-from ...typing import RGBImage
+from ...typing import Float32, RGBImage
 from ..augmentation.backgrounds import procedural_photo
+from ..imaging.blur import gaussian_blur
+from ..imaging.linear_light import to_linear
 from ..objects.primitives import rotation
 from ..objects.shapes import random_object
 from .difficulty import Difficulty
-from .image_formation import Light, LinearImage, Material, composite, linear, render_layers
+from .layers import SceneLight, SceneMaterial, composite, render_layers
 from .motion import SmoothPath
+from .sensor import as_image
 
 
 class LightOverTime:
@@ -37,7 +40,7 @@ class LightOverTime:
         self._strength, self._around = rng.uniform(0.6, 1.0), rng.uniform(0.35, 0.6)
         self._warmth = rng.uniform(-0.1, 0.1)
 
-    def __call__(self, number: int) -> tuple[Light, float]:
+    def __call__(self, number: int) -> tuple[SceneLight, float]:
         """The light (camera frame) and the exposure of a frame."""
         turn, rise, strength, warm, around, exposure = self._way(number * self._pace) * self._change
         azimuth, height = self._azimuth + 1.5 * turn, self._height + 0.4 * rise
@@ -49,7 +52,7 @@ class LightOverTime:
         tint = self._warmth + 0.25 * warm
         color = (key * (1 + tint), key, key * (1 - tint))
         dim = self._around * math.exp(0.3 * around)
-        light = Light((x / length, y / length, z / length), color, (dim, dim, dim))
+        light = SceneLight((x / length, y / length, z / length), color, (dim, dim, dim))
         return light, math.exp(0.25 * exposure)
 
     def brightness(self, number: int) -> float:
@@ -70,8 +73,6 @@ class MovingBackground:
         difficulty: Difficulty,
         photos: Sequence[RGBImage] | None,
     ) -> None:
-        import cv2
-
         self._size = (camera.width, camera.height)
         large = (int(camera.height * 1.4), int(camera.width * 1.4))
         if photos:
@@ -81,8 +82,10 @@ class MovingBackground:
             picture = procedural_photo(rng, large)
         if difficulty.colour_similarity:
             picture = _recolored(picture, mesh, difficulty.colour_similarity)
-        blurred = cv2.GaussianBlur(picture, (0, 0), rng.uniform(1.2, 3.0) * camera.width / 640)
-        self._picture = linear(blurred)
+        sigma = torch.tensor([rng.uniform(1.2, 3.0) * camera.width / 640])
+        light = to_linear(as_image(np.float32(1 / 255) * picture.astype(np.float32)))
+        blurred = gaussian_blur(light, sigma)[0].permute(1, 2, 0)
+        self._picture: Float32 = blurred.contiguous().numpy()
         depth = np.full(large, np.inf, np.float32)
         for _ in range(int(rng.integers(difficulty.clutter[0], difficulty.clutter[1] + 1))):
             self._add_clutter(rng, renderer, depth, photos)
@@ -92,7 +95,7 @@ class MovingBackground:
         self._pace = 2 * math.pi / 120 * speed
         self._middle = ((large[1] - 1) / 2, (large[0] - 1) / 2)
 
-    def __call__(self, time: float, offset: NDArray[np.float64]) -> LinearImage:
+    def __call__(self, time: float, offset: NDArray[np.float64]) -> Float32:
         """The part of the picture that the frame sees at a moment, sampled `offset` pixels off."""
         import cv2
 
@@ -127,9 +130,9 @@ class MovingBackground:
         x, y = rng.uniform(-0.45, 0.45, 2) * (1, height / width) * away
         place = torch.tensor([[x, y, away]], dtype=torch.float64)
         batch = Pose(torch.from_numpy(rotation(rng))[None], place)
-        light = Light((0.3, -0.8, -0.52), (0.7, 0.7, 0.7), (0.45, 0.45, 0.45))
+        light = SceneLight((0.3, -0.8, -0.52), (0.7, 0.7, 0.7), (0.45, 0.45, 0.45))
         zero = np.zeros((1, 2))
-        for layer in render_layers(renderer, thing, batch, camera, zero, light, Material()):
+        for layer in render_layers(renderer, thing, batch, camera, zero, light, SceneMaterial()):
             composite(self._picture, depth, layer)
 
 

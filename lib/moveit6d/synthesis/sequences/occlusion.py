@@ -19,8 +19,8 @@ from ...geometry.pose import Pose
 from ...geometry.rotation import exp_so3
 from ...rendering.renderer import Renderer
 from ...typing import Float64
-from ..augmentation.occluders import Occluder, random_occluder
-from .image_formation import bounds, silhouette
+from ..objects.occluders import Occluder, random_occluder
+from .layers import bounds, silhouette
 from .motion import Motion, SmoothPath
 
 

@@ -23,18 +23,21 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...io import replacing_folder, write_json
 from ...rendering.backends import make_renderer
+from ...threads import limited_threads
 from ...typing import RGBImage
 from ..objects.mesh_file import write_glb
 from .board_occluder import plan_board_occluder
 from .difficulty import Difficulty, find_difficulty
 from .environment import LightOverTime, MovingBackground
-from .image_formation import Material, Sensor, composite, expose, one_thread, render_layers
+from .layers import SceneMaterial, composite, render_layers
 from .motion import SUBSTEPS, Motion, random_motion
 from .occlusion import MovingOccluder, plan_passing_occluders, visible_fraction, visible_share
+from .sensor import Sensor, expose
 from .tabletop import TabletopObject, arrange_around
 
 GENERATOR = "moveit6d synthesize"
 BESIDE = 1  # stream of random numbers
+OCCLUDER = SceneMaterial(0.0, 0.1)  # skin, cloth and paper
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,7 @@ def write_sequence(
 class Scene:
     """Everything that is in front of the camera, drawn once from a seed; `shoot` takes a frame."""
 
-    @one_thread()
+    @limited_threads(1)
     def __init__(
         self,
         mesh: Mesh,
@@ -135,7 +138,7 @@ class Scene:
                 beside, self._renderer, mesh, self.motion, frames,
                 side=self.difficulty.board, share=self.difficulty.board_occlusion, photos=photos,
             ))  # fmt: skip
-        self._material = Material(rng.uniform(0.0, 0.25), rng.uniform(8, 60))
+        self._material = SceneMaterial(rng.uniform(0.0, 0.3), rng.uniform(0.05, 0.6))
         self._light = LightOverTime(rng, self.difficulty.light_change)
         self._background = MovingBackground(
             rng, self._renderer, self.camera, mesh, self.difficulty, photos
@@ -144,7 +147,7 @@ class Scene:
                               rng.uniform(0.005, 0.02))  # fmt: skip
         self._visible: list[float] = []
 
-    @one_thread()
+    @limited_threads(1)
     def render_frame(self, number: int) -> SyntheticFrame:
         """Frame `number`; the same each time."""
         rng = np.random.default_rng([self._seed, number])
@@ -154,7 +157,7 @@ class Scene:
         things = [(self.mesh, self._poses(self.motion, times), self._material)]
         things += [(other.mesh, other.poses(times), self._material) for other in self.others]
         things += [
-            (occluder.mesh, occluder.poses(times), Material(0.03, 12))
+            (occluder.mesh, occluder.poses(times), OCCLUDER)
             for occluder in self.occluders
             if occluder.present(number)
         ]

@@ -1,4 +1,4 @@
-"""How far from the truth the training starts lie: the paper's five clusters of pose seeds.
+"""Pose deltas from the start to the truth of training pairs: the paper's five clusters.
 
 Never renders. Paper, section "Training on Synthetic Data", "Data Augmentation".
 """
@@ -18,8 +18,24 @@ Range = tuple[float, float]
 class ClusterConfig:
     """Shares of the clusters and ranges of their absolute pose deltas; signs are random.
 
-    The paper draws each of the five clusters equally often. `near` is ours: all six axes within
-    `near_range`, where a tracker spends its last iterations.
+    The paper draws each of the five clusters equally often. `near` is ours: small deltas on all six
+    axes, as in a tracker's last iterations. All ranges are in action units.
+
+    Args:
+        one_small: share of pairs with a small delta on one axis.
+        one_large: share of pairs with a large delta on one axis.
+        one_large_rest_small: share of pairs with a large delta on one axis, small ones on the rest.
+        all_small: share of pairs with small deltas on all axes.
+        all_large: share of pairs with large deltas on all axes.
+        near: share of pairs with deltas of the `near` ranges on all axes.
+        small_xy: small t_x and t_y.
+        small_rest: small t_z, r_x, r_y and r_z.
+        large_xy: large t_x and t_y.
+        large_z: large t_z.
+        large_rotation: large r_x, r_y and r_z.
+        near_xy: t_x and t_y near the truth.
+        near_z: t_z near the truth.
+        near_rotation: r_x, r_y and r_z near the truth.
     """
 
     one_small: float = 0.2
@@ -28,14 +44,14 @@ class ClusterConfig:
     all_small: float = 0.2
     all_large: float = 0.2
     near: float = 0.0
-    small_shift: Range = (1.0, 5.0)  # t_x, t_y
-    small_rest: Range = (1.0, 4.0)  # t_z, r_x, r_y, r_z
-    large_shift: Range = (5.0, 30.0)
-    large_size: Range = (1.0, 15.0)  # t_z
-    large_turn: Range = (4.0, 20.0)
-    near_shift: Range = (0.0, 1.5)
-    near_size: Range = (0.0, 3.0)
-    near_turn: Range = (0.0, 4.0)
+    small_xy: Range = (1.0, 5.0)
+    small_rest: Range = (1.0, 4.0)
+    large_xy: Range = (5.0, 30.0)
+    large_z: Range = (1.0, 15.0)
+    large_rotation: Range = (4.0, 20.0)
+    near_xy: Range = (0.0, 1.5)
+    near_z: Range = (0.0, 3.0)
+    near_rotation: Range = (0.0, 4.0)
 
     def shares(self) -> tuple[float, ...]:
         """Shares in the order of `CLUSTERS`."""
@@ -68,18 +84,14 @@ def draw_delta(
     shares = np.asarray(config.shares())
     if cluster is None:
         cluster = CLUSTERS[int(random.choice(len(CLUSTERS), p=shares / shares.sum()))]
-    small = _draw(random, (config.small_shift,) * 2 + (config.small_rest,) * 4)
-    large = _draw(
-        random, (config.large_shift,) * 2 + (config.large_size,) + (config.large_turn,) * 3
-    )
+    small = _draw(random, (config.small_xy,) * 2 + (config.small_rest,) * 4)
+    large = _draw(random, (config.large_xy,) * 2 + (config.large_z,) + (config.large_rotation,) * 3)
     if cluster == "all_small":
         return small
     if cluster == "all_large":
         return large
     if cluster == "near":
-        return _draw(
-            random, (config.near_shift,) * 2 + (config.near_size,) + (config.near_turn,) * 3
-        )
+        return _draw(random, (config.near_xy,) * 2 + (config.near_z,) + (config.near_rotation,) * 3)
     if cluster == "one_large_rest_small":
         axis = int(random.integers(6))
         small[axis] = large[axis]
@@ -109,12 +121,12 @@ def draw_deltas(
         if cluster is not None
         else random.choice(len(CLUSTERS), size=number, p=shares / shares.sum())
     )
-    small = _draw_many(random, number, (config.small_shift,) * 2 + (config.small_rest,) * 4)
+    small = _draw_many(random, number, (config.small_xy,) * 2 + (config.small_rest,) * 4)
     large = _draw_many(
-        random, number, (config.large_shift,) * 2 + (config.large_size,) + (config.large_turn,) * 3
+        random, number, (config.large_xy,) * 2 + (config.large_z,) + (config.large_rotation,) * 3
     )
     near = _draw_many(
-        random, number, (config.near_shift,) * 2 + (config.near_size,) + (config.near_turn,) * 3
+        random, number, (config.near_xy,) * 2 + (config.near_z,) + (config.near_rotation,) * 3
     )
     action = random.integers(13, size=number)
     sign = np.where(action % 2 == 0, 1.0, -1.0)[:, None]

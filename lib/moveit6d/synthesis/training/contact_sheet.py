@@ -1,4 +1,4 @@
-"""One picture of many training pairs: what a network is shown, and what it is told.
+"""A contact sheet of training pairs: the network's inputs and the truth.
 
 Never draws pairs itself.
 """
@@ -19,9 +19,9 @@ SEEN, HIDDEN = (1.0, 1.0, 1.0), (0.55, 0.1, 0.1)  # of the mask's parts
 
 
 def contact_sheet(batch: TrainingBatch, across: int = 2) -> NDArray[np.uint8]:
-    """A picture (H, W, 3) with `across` pairs a row, four patches each.
+    """A picture (H, W, 3) with `across` pairs a row, four crops each.
 
-    They are the observed patch, the rendering, the observed patch with the outlines of the true
+    They are the observation, the rendering, the observation with the contours of the true
     pose (green) and of the start (red), and the object's mask: white where it can be seen, dark red
     where it is occluded.
     """

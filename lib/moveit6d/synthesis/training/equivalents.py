@@ -1,6 +1,6 @@
-"""The nearest of a symmetric object's equivalent poses: what an expert would head for.
+"""The nearest of a symmetric object's equivalent poses, which training aims at.
 
-Never renders. No network is taught to turn a can whose turn nobody can see.
+Never renders. No network learns a rotation of a can that no image shows.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def nearest_delta(
     symmetries: Sequence[NDArray[np.float64]], start: Pose, goal: Pose, sphere_diameter: Tensor,
     crop: Crop = "look_at",
 ) -> Tensor:  # fmt: skip
-    """Counts (B, 6) from centred poses (B) to the nearest equivalents of their goals.
+    """Pose deltas (B, 6) from centred poses (B) to the nearest equivalents of their goals.
 
     `symmetries` are each object's motions (S, 4, 4) of its centred frame, the identity first; the
     choice is the shortest pose delta, as in `actions.expert_difference`. `sphere_diameter`
@@ -56,10 +56,12 @@ def equivalents(
     return motions, row
 
 
-def turned_from(symmetries: Sequence[NDArray[np.float64]], one: Tensor, other: Tensor) -> Tensor:
+def rotation_distance(
+    symmetries: Sequence[NDArray[np.float64]], one: Tensor, other: Tensor
+) -> Tensor:
     """Degrees (B,) between rotations (B, 3, 3), the other by its nearest equivalent."""
     motions, row = equivalents(symmetries, one.device)
-    turn = one[row].mT @ other[row] @ motions[:, :3, :3]
-    cosine = ((turn.diagonal(dim1=-2, dim2=-1).sum(-1) - 1) / 2).clamp(-1, 1)
+    between = one[row].mT @ other[row] @ motions[:, :3, :3]
+    cosine = ((between.diagonal(dim1=-2, dim2=-1).sum(-1) - 1) / 2).clamp(-1, 1)
     angle = torch.rad2deg(torch.arccos(cosine))
     return angle.new_full((len(symmetries),), torch.inf).scatter_reduce(0, row, angle, "amin")

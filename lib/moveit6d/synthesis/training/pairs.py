@@ -1,9 +1,9 @@
-"""Training pairs: a start pose's rendering beside an observed patch whose true pose is known.
+"""Training pairs: a rendering at the start pose and an observed crop with a known true pose.
 
-Never trains. A pair lives in one look-at view, that of the start pose, so that all it needs is an
-orientation, a distance in diameters and the pose delta to the truth. (For comparison also in an
-axis-parallel view; there it matters in which direction the object stands.) Everything is tensor
-arithmetic on the device of the objects: a CPU, or a GPU that draws hundreds of pairs at once.
+Never trains. A pair lives in the look-at view of its start pose, so that a rotation, a distance in
+diameters and the pose delta to the truth describe it. (For comparison also in an axis-parallel
+view, where the object's direction matters.) Everything is tensor arithmetic on the device of the
+objects: a CPU, or a GPU that draws hundreds of pairs at once.
 """
 
 from __future__ import annotations
@@ -25,21 +25,82 @@ from ...geometry.rotation import random_rotations
 from ...observation import Observation
 from ...rendering.renderer import GBuffer
 from ...rendering.shading import shade_plain
-from ..augmentation.augment import AugmentConfig, RandomSource
 from ..augmentation.composing import Composer
+from ..augmentation.config import AugmentConfig
 from ..augmentation.hands import HandConfig, HandSource, MadeHands
-from ..augmentation.lighting import LightConfig
+from ..augmentation.lights import LightConfig
 from ..augmentation.occluder_bank import BankConfig
 from ..augmentation.photo_bank import PhotoBank
+from ..augmentation.random_source import RandomSource
 from ..objects.object_set import MeshObjects, ObjectSet
+from ..settings import check_settings
 from .clusters import ClusterConfig, draw_deltas
 from .equivalents import nearest_delta
 from .views import ViewBatch, ViewConfig, draw_views
 
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class ZoomConfig:
+    """Crops of the middle of the object, as in the loop's fine stage; the delta grows as well.
+
+    Args:
+        probability: of a zoomed crop.
+        factor: how many times larger than usual.
+    """
+
+    probability: float = 0.0
+    factor: Range = (1.1, 2.0)
+
+
+@dataclass(frozen=True)
+class TextureColourConfig:
+    """Colours of the rendering that differ from the object's, as those of scanned meshes do.
+
+    Args:
+        gain: largest relative error of a channel, the same everywhere.
+        varying_gain: the same, varying smoothly over the rendering.
+    """
+
+    gain: float = 0.2
+    varying_gain: float = 0.0
+
+
+@dataclass(frozen=True)
+class FarRotationConfig:
+    """Pairs with a rotation far beyond the clusters, from which only the confidence learns.
+
+    Args:
+        probability: of such a rotation.
+        angle: degrees, about a random axis.
+    """
+
+    probability: float = 0.0
+    angle: Range = (35.0, 180.0)
+
 
 @dataclass(frozen=True)
 class PairConfig:
-    """All that is random about a pair."""
+    """All that is random about a pair.
+
+    Args:
+        clusters: pose deltas from the start to the truth.
+        lights: lights and materials.
+        augment: what disturbs the observed crop.
+        hands: hands and cards in front of the object.
+        bank: the paper's bank of occluders.
+        views: templates for the descriptors.
+        distance: of the object in diameters, log-uniform.
+        crop: look_at, or axis_parallel for a network whose config says so, too.
+        max_off_axis: axis-parallel crops: largest x / z and y / z of an object's centre.
+        zoom: crops of the middle of the object.
+        max_delta: largest pose delta a policy makes at once, and largest remaining one that the
+            pose losses use, for each of the six axes.
+        texture_colour: errors of the rendering's colours.
+        far_rotation: pairs with a rotation beyond the clusters.
+        absent_probability: of an image that shows another object or none.
+    """
 
     clusters: ClusterConfig = field(default_factory=ClusterConfig)
     lights: LightConfig = field(default_factory=LightConfig)
@@ -47,18 +108,17 @@ class PairConfig:
     hands: HandConfig = field(default_factory=HandConfig)
     bank: BankConfig = field(default_factory=BankConfig)
     views: ViewConfig = field(default_factory=ViewConfig)
-    distance: tuple[float, float] = (2.2, 14.0)  # of the object in diameters, log-uniform
+    distance: Range = (2.2, 14.0)
     crop: Crop = "look_at"
-    off_axis: float = 0.45  # tangent up to which objects stand beside the axis, if axis-parallel
-    zoomed: float = 0.0  # share of pairs of which the patch shows only the middle of the object …
-    zoom: tuple[float, float] = (1.1, 2.0)  # … so many times larger; the pose delta is larger, too
-    # What a policy may move at once, and how far off it may lead, in training on its own states.
-    farthest: tuple[float, ...] = (35.0, 35.0, 20.0, 25.0, 25.0, 25.0)
-    texture_gain: float = 0.2  # how far the mesh's colours may be from the object's, a channel
-    texture_wave: float = 0.0  # the same, changing smoothly over the rendering
-    turned: float = 0.0  # share of pairs that are turned far away, for the confidence
-    turned_by: tuple[float, float] = (35.0, 180.0)  # degrees, about any axis
-    absent: float = 0.0  # share of pairs of which the picture shows another object or none
+    max_off_axis: float = 0.45
+    zoom: ZoomConfig = field(default_factory=ZoomConfig)
+    max_delta: tuple[float, ...] = (35.0, 35.0, 20.0, 25.0, 25.0, 25.0)
+    texture_colour: TextureColourConfig = field(default_factory=TextureColourConfig)
+    far_rotation: FarRotationConfig = field(default_factory=FarRotationConfig)
+    absent_probability: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_settings(self, "pairs")
 
 
 @dataclass(frozen=True)
@@ -70,11 +130,11 @@ class TrainingBatch:
     `Observation.depth`, `true_mask` (B, 1, 128, 128) its silhouette and `visible` (B, 1, 128, 128)
     what of that is not occluded; `clear` (B, 1, 128, 128) is 1 where nothing would occlude the
     object; `mesh` (B,) is the number of the object, on the CPU, `zoom` (B,) how many times larger
-    than usual the patch shows it (delta, distance and depths are in diameters divided by that),
+    than usual the crop shows it (delta, distance and depths are in diameters divided by that),
     `rotation` (B, 3, 3) the start's in its view and `direction` (B, 2) x / z and y / z of its
     centre there, 0 in a look-at view. `present` (B,) is 1 where the picture shows the object at
-    all, `near` (B,) where it does and the truth is within `PairConfig.farthest`: what is farther
-    only teaches the confidence. `views` are templates for the descriptors, if any were drawn.
+    all, `near` (B,) where it does and the truth is within `PairConfig.max_delta`: from larger
+    deltas only the confidence learns. `views` are templates for the descriptors, if any were drawn.
     """
 
     observation: Observation
@@ -103,14 +163,14 @@ class TrainingBatch:
 
 
 class PairGenerator:
-    """Draws batches of pairs from objects and photos; the same seed gives the same pairs."""
+    """Draws batches of pairs of objects and photos; the same seed gives the same pairs."""
 
     def __init__(
         self, objects: list[Mesh] | ObjectSet, photos: list[np.ndarray] | PhotoBank,
         config: PairConfig, seed: int, occluders: list[Mesh] | ObjectSet | None = None,
         hands: HandSource | None = None,
     ) -> None:  # fmt: skip
-        """`occluders` fill the bank, if there is one; the same objects unless others are given."""
+        """`occluders` fill the bank, if there is one; None: the objects themselves."""
         self.objects = objects = _objects(objects)
         self.config, self.device = config, objects.device
         self.random = np.random.default_rng(seed)
@@ -121,7 +181,7 @@ class PairGenerator:
         self.composer = Composer(pictures, config.augment, config.lights, self.rng)
         others = objects if occluders is None else _objects(occluders)
         self.composer.use_bank(config.bank, others, config.distance, self.random)
-        if config.hands.share > 0:
+        if config.hands.probability > 0:
             if hands is None:
                 assert not isinstance(photos, PhotoBank), "made hands need photographs to print"
                 hands = MadeHands(config.hands, photos, self.random)
@@ -131,7 +191,7 @@ class PairGenerator:
         """`size` new pairs, of one named cluster if given."""
         index = self.objects.draw(self.random, size)
         delta = draw_deltas(self.random, self.config.clusters, size, cluster)
-        return self.compose(index, torch.from_numpy(self._turned(delta)))
+        return self.compose(index, torch.from_numpy(self._with_far_rotations(delta)))
 
     def compose(self, index: Tensor, delta: Tensor) -> TrainingBatch:
         """Pairs of the given objects (B,) whose truth lies a `delta` (B, 6) away from the start."""
@@ -167,21 +227,21 @@ class PairGenerator:
                            self.rng, self._rendering)  # fmt: skip
         return TrainingBatch(**{**vars(pairs), "views": views})
 
-    def advance(self, batch: TrainingBatch, moves: Tensor) -> TrainingBatch:
-        """The same pictures as they look after a policy's moves (B, 6), with new renderings.
+    def advance(self, batch: TrainingBatch, delta: Tensor) -> TrainingBatch:
+        """The same images after a policy's pose deltas (B, 6), with new renderings.
 
-        So that a network is trained on the states that it leads to (docs/method.md). A move is not
-        made if it would lose the object, or lead from near it to farther away than `farthest`.
+        So a network is trained on the states that it leads to (docs/method.md). A delta that would
+        lose the object, or lead from within `max_delta` of the truth to beyond it, is not applied.
         """
         diameter = self.objects.diameters(batch.mesh) / batch.zoom
         depth = batch.observation.distance.double() * diameter
         start = Pose(batch.rotation, _place(batch.direction.double(), depth))
         crop = self.config.crop
         truth = PoseAction.from_delta(batch.delta.double()).apply_centred(start, diameter, crop)
-        moves = self._sensible(moves.double(), start, truth, diameter, batch.near)
-        moved = PoseAction.from_delta(moves).apply_centred(start, diameter, crop)
-        old, view = (view_of(pose, diameter, crop) for pose in (start, moved))
-        here, goal = view.to_virtual(moved), view.to_virtual(truth)
+        applied = self._accepted(delta.double(), start, truth, diameter, batch.near)
+        updated = PoseAction.from_delta(applied).apply_centred(start, diameter, crop)
+        old, view = (view_of(pose, diameter, crop) for pose in (start, updated))
+        here, goal = view.to_virtual(updated), view.to_virtual(truth)
         distance = view.distance / diameter
         rendered = self.objects.render(batch.mesh, here, view.intrinsics)
         observed = self.objects.render(batch.mesh, goal, view.intrinsics)
@@ -194,47 +254,48 @@ class PairGenerator:
         observation = Observation(
             layers[:, :3], self._rendering(rendered), relative, rendered.mask, distance.float()
         )
-        delta = nearest_delta(self._symmetries(batch.mesh), here, goal, diameter, crop)
+        remaining = nearest_delta(self._symmetries(batch.mesh), here, goal, diameter, crop)
         shown = batch.present[:, None, None, None]
         return TrainingBatch(
-            observation, delta.float(), true_depth, observed.mask * shown,
+            observation, remaining.float(), true_depth, observed.mask * shown,
             observed.mask * clear * shown, clear, batch.mesh, batch.zoom, here.rotation,
             (here.translation[:, :2] / here.translation[:, 2:]).float(),
-            batch.present, batch.present * self._within(delta).float(),
+            batch.present, batch.present * self._within(remaining).float(),
         )  # fmt: skip
 
     def _symmetries(self, index: Tensor) -> Sequence[NDArray[np.float64]]:
         return [self.objects.symmetries(number) for number in index.tolist()]
 
-    def _turned(self, delta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The deltas with a far turn instead of theirs in a share of the pairs."""
-        if not self.config.turned:
+    def _with_far_rotations(self, delta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The deltas (B, 6), a part of them with a far rotation instead of theirs."""
+        far = self.config.far_rotation
+        if not far.probability:
             return delta
         number = len(delta)
         axis = self.random.normal(size=(number, 3))
         axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-        turn = axis * self.random.uniform(*self.config.turned_by, (number, 1))
-        chosen = self.random.random((number, 1)) < self.config.turned
+        rotation = axis * self.random.uniform(*far.angle, (number, 1))
+        chosen = self.random.random((number, 1)) < far.probability
         delta = delta.copy()
-        delta[:, 3:] = np.where(chosen, turn, delta[:, 3:])
+        delta[:, 3:] = np.where(chosen, rotation, delta[:, 3:])
         return delta
 
     def _observed(
         self, index: Tensor, truth: Pose, intrinsics: Tensor, diameter: Tensor
     ) -> tuple[GBuffer, Tensor]:
-        """What the camera sees of each object, and 1 where it is that object at all."""
+        """G-buffers at the true poses, and 1 where they show the object itself."""
         batch = len(index)
-        gone = self.random.random(batch) < self.config.absent
-        present = torch.from_numpy(~gone).float().to(self.device)
-        if not gone.any():
+        absent = self.random.random(batch) < self.config.absent_probability
+        present = torch.from_numpy(~absent).float().to(self.device)
+        if not absent.any():
             return self.objects.render(index, truth, intrinsics), present
-        # Half of the absent ones have another object in their place, as large, the rest nothing.
-        other = np.where(gone, self.objects.draw(self.random, batch).numpy(), index.numpy())
+        # Half of the absent ones are replaced by another object of their size, the rest by nothing.
+        other = np.where(absent, self.objects.draw(self.random, batch).numpy(), index.numpy())
         shown = torch.from_numpy(other)
         size = self.objects.diameters(shown) / self.objects.diameters(index)
         placed = Pose(truth.rotation, truth.translation * size[:, None])
         seen = self.objects.render(shown, placed, intrinsics)
-        empty = torch.from_numpy(gone & (self.random.random(batch) < 0.5)).to(self.device)
+        empty = torch.from_numpy(absent & (self.random.random(batch) < 0.5)).to(self.device)
         kept = (~empty).float()[:, None, None, None]
         depth = seen.depth / size.float()[:, None, None, None] * kept
         return GBuffer(seen.albedo * kept, seen.normal * kept, depth, seen.mask * kept), present
@@ -243,43 +304,44 @@ class PairGenerator:
         """x / z and y / z of so many objects' centres: (B, 2)."""
         if self.config.crop == "look_at":
             return torch.zeros(number, 2, dtype=torch.float64)
-        reach = self.config.off_axis
+        reach = self.config.max_off_axis
         return torch.from_numpy(self.random.uniform(-reach, reach, (number, 2)))
 
     def _zoom(self, number: int) -> Tensor:
-        """How many times larger than usual each of so many patches shows its object: (B,)."""
-        if not self.config.zoomed:
+        """How many times larger than usual each of so many crops shows its object: (B,)."""
+        zoom = self.config.zoom
+        if not zoom.probability:
             return torch.ones(number, dtype=torch.float64)
-        low, high = np.log(self.config.zoom)
+        low, high = np.log(zoom.factor)
         larger = np.exp(self.random.uniform(low, high, number))
-        chosen = self.random.random(number) < self.config.zoomed
-        chosen[: self.config.views.count(number)] = False  # templates are of whole objects
+        chosen = self.random.random(number) < zoom.probability
+        chosen[: self.config.views.count(number)] = False  # templates show whole objects
         return torch.from_numpy(np.where(chosen, larger, 1.0))
 
     def _within(self, delta: Tensor) -> Tensor:
-        """Which deltas (B, 6) lie within `farthest`: bool (B,)."""
-        far = torch.tensor(self.config.farthest, dtype=delta.dtype, device=delta.device)
-        return (delta.abs() <= far).all(-1)
+        """Which deltas (B, 6) lie within `max_delta`: bool (B,)."""
+        largest = torch.tensor(self.config.max_delta, dtype=delta.dtype, device=delta.device)
+        return (delta.abs() <= largest).all(-1)
 
-    def _sensible(
-        self, moves: Tensor, start: Pose, truth: Pose, diameter: Tensor, near: Tensor
+    def _accepted(
+        self, delta: Tensor, start: Pose, truth: Pose, diameter: Tensor, near: Tensor
     ) -> Tensor:
-        """The moves (B, 6), zero where they would lose the object."""
-        far = torch.tensor(self.config.farthest, dtype=torch.float64, device=moves.device)
-        moves = moves.clamp(-far, far)
+        """The deltas (B, 6), clamped; zero where they would lose the object."""
+        largest = torch.tensor(self.config.max_delta, dtype=torch.float64, device=delta.device)
+        delta = delta.clamp(-largest, largest)
         crop = self.config.crop
-        moved = PoseAction.from_delta(moves).apply_centred(start, diameter, crop)
-        left = pose_delta(moved, truth, diameter, crop)
-        keep = (self._within(left) | (near < 0.5)) & (left[:, :3].abs() <= far[:3]).all(-1)
-        keep = keep & (moved.translation[:, 2] > 1.5 * diameter)
-        return moves * keep[:, None]
+        updated = PoseAction.from_delta(delta).apply_centred(start, diameter, crop)
+        left = pose_delta(updated, truth, diameter, crop)
+        keep = (self._within(left) | (near < 0.5)) & (left[:, :3].abs() <= largest[:3]).all(-1)
+        keep = keep & (updated.translation[:, 2] > 1.5 * diameter)
+        return delta * keep[:, None]
 
     def _rendering(self, rendered: GBuffer) -> Tensor:
-        """The start's rendering (B, 3, 128, 128) in colours that are not quite the object's."""
-        batch, rng = len(rendered.mask), self.rng
-        gain = rng.uniform(batch, 3, 1, 1, between=(-1.0, 1.0)) * self.config.texture_gain
-        if self.config.texture_wave > 0:
-            coarse = rng.uniform(batch, 3, 4, 4, between=(-1.0, 1.0)) * self.config.texture_wave
+        """The start's rendering (B, 3, 128, 128) with errors of its colours."""
+        batch, rng, config = len(rendered.mask), self.rng, self.config.texture_colour
+        gain = rng.uniform(batch, 3, 1, 1, between=(-1.0, 1.0)) * config.gain
+        if config.varying_gain > 0:
+            coarse = rng.uniform(batch, 3, 4, 4, between=(-1.0, 1.0)) * config.varying_gain
             gain = gain + functional.interpolate(
                 coarse, (PATCH_SIZE, PATCH_SIZE), mode="bilinear", align_corners=True
             )

@@ -1,4 +1,4 @@
-"""What training pairs are drawn from: mesh files, procedural shapes, photographs, and how.
+"""The source of training pairs: mesh files, procedural shapes, photographs, and a `PairConfig`.
 
 Never draws a pair; small enough to be sent to other processes and machines.
 """
@@ -66,7 +66,7 @@ class PairSource:
     def shape(
         self, random: np.random.Generator, photos: Sequence[np.ndarray], meshes: Sequence[Mesh] = ()
     ) -> Mesh:
-        """One new procedural shape, or a untextured copy of one of the meshes."""
+        """One new procedural shape, or an untextured copy of one of the meshes."""
         # No number is drawn for nothing: without those kinds the others stay the same.
         if self.symmetric > 0 and random.random() < self.symmetric:
             return symmetric_object(random, photos)

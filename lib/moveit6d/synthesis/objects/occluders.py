@@ -1,6 +1,6 @@
-"""Things that pass in front of an object: a hand with its arm, a printed card, another object.
+"""Meshes of occluders: a hand with its arm, a textured card or board, another object.
 
-Never decides when; `sequence` does. Lengths are metres for an object of 20 cm and are scaled.
+Never decides where they are. Lengths are metres for an object of 20 cm and are scaled.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from ...geometry.mesh import Mesh
 from ...typing import Float64, RGBImage
-from ..objects import primitives as make
-from ..objects.primitives import Part
-from ..objects.shapes import random_object
-from ..objects.textures import paint, photo_crop, random_palette, smooth_noise, weather
+from . import primitives as make
+from .primitives import Part
+from .shapes import random_object
+from .textures import paint, photo_crop, random_palette, smooth_noise, weather
 
 SKIN = ((255, 219, 188), (236, 188, 150), (206, 150, 112), (156, 104, 70), (98, 62, 42))
 
@@ -25,7 +25,7 @@ SKIN = ((255, 219, 188), (236, 188, 150), (206, 150, 112), (156, 104, 70), (98, 
 class Occluder:
     """A mesh, the point of it that leads (centred frame) and its axis that points away from it.
 
-    `along` is the direction (3,) towards the rest of the arm, None where any turn will do.
+    `along` is the direction (3,) towards the rest of the arm, None where any rotation will do.
     """
 
     kind: str
@@ -51,27 +51,16 @@ def random_occluder(
 def card(
     rng: np.random.Generator, scale: float = 1.0, photos: Sequence[RGBImage] | None = None
 ) -> Occluder:
-    """A thin card, printed on both sides."""
+    """A thin card with a texture on both sides."""
     size = scale * np.array([rng.uniform(0.07, 0.12), rng.uniform(0.08, 0.15), 0.002])
-    part = make.box(size)
-    if photos:
-        texture = photo_crop(rng, photos, 256, 384)
-    else:
-        texture = paint(rng, 256, 384, random_palette(rng))
-    mesh = Mesh.from_arrays("card", part.vertices, part.faces, uv=part.uv, texture=texture)
-    return Occluder("card", mesh, np.zeros(3), None)
+    return Occluder("card", _textured_box(rng, "card", size, photos), np.zeros(3), None)
 
 
 def board(
     rng: np.random.Generator, size: tuple[float, float], photos: Sequence[RGBImage] | None = None
 ) -> Mesh:
-    """A flat board of width × height metres, printed, its middle in the file frame's origin."""
-    part = make.box(np.array([*size, 0.02 * min(size)]))
-    if photos:
-        texture = photo_crop(rng, photos, 256, 384)
-    else:
-        texture = paint(rng, 256, 384, random_palette(rng))
-    return Mesh.from_arrays("board", part.vertices, part.faces, uv=part.uv, texture=texture)
+    """A flat textured board of width × height metres, centred in the file frame's origin."""
+    return _textured_box(rng, "board", np.array([*size, 0.02 * min(size)]), photos)
 
 
 def hand(rng: np.random.Generator, scale: float = 1.0) -> Occluder:
@@ -101,6 +90,17 @@ def hand(rng: np.random.Generator, scale: float = 1.0) -> Occluder:
     mesh = Mesh.from_arrays("hand", whole.vertices, whole.faces, uv=whole.uv, texture=texture)
     tip = np.array([0, 0.09 * scale, 0]) - mesh.center
     return Occluder("hand", mesh, tip, np.array([0.0, -1.0, 0.0]))
+
+
+def _textured_box(
+    rng: np.random.Generator, name: str, size: Float64, photos: Sequence[RGBImage] | None
+) -> Mesh:
+    part = make.box(size)
+    if photos:
+        texture = photo_crop(rng, photos, 256, 384)
+    else:
+        texture = paint(rng, 256, 384, random_palette(rng))
+    return Mesh.from_arrays(name, part.vertices, part.faces, uv=part.uv, texture=texture)
 
 
 def _finger(start: Float64, turn: float, curl: float, length: float, radius: float) -> Part:

@@ -1,22 +1,24 @@
-"""Occluders, cut-off parts and borders: as often and as large as the configuration says."""
-
-from dataclasses import replace
+"""Occluders, windows and borders: as often and as large as the configuration says."""
 
 import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
-from moveit6d.synthesis.augmentation.augment import (
-    AugmentConfig,
+from moveit6d.synthesis.augmentation.config import (
+    CastShadowConfig,
+    ImageBorderConfig,
+    OcclusionConfig,
+    VisibleWindowConfig,
+)
+from moveit6d.synthesis.augmentation.occlusion import (
     calibration_boards,
-    crop_region,
+    cast_shadow,
     cut_border,
-    loose_things,
     occlude,
-    over,
+    occluder_source,
     scatter,
-    shadow,
+    show_window,
 )
 from tests.support.pairs import preset, rng
 
@@ -24,30 +26,31 @@ PAPER = preset("paper").augment
 GREY = torch.full((2000, 3, 16, 16), 0.5)
 
 
-def numbers_of_occluders(config: AugmentConfig) -> np.ndarray:
-    """How many things were put in front of each of the patches."""
+def numbers_of_occluders(config: OcclusionConfig) -> np.ndarray:
+    """How many occluders were put in front of each of the crops."""
     counts = torch.zeros(len(GREY))
 
-    def things(chosen: Tensor) -> Tensor:
+    def occluders(chosen: Tensor) -> Tensor:
         counts[chosen] += 1
         return torch.zeros(len(chosen), 4, 16, 16)
 
-    occlude(GREY, things, config, rng())
+    occlude(GREY, occluders, config, rng())
     return counts.numpy().astype(int)
 
 
 def test_the_paper_s_occluders_are_none_in_half_and_one_to_four_in_an_eighth_each() -> None:
-    found = np.bincount(numbers_of_occluders(PAPER), minlength=5) / len(GREY)
+    found = np.bincount(numbers_of_occluders(PAPER.occlusion), minlength=5) / len(GREY)
     assert found == pytest.approx([0.5, 0.125, 0.125, 0.125, 0.125], abs=0.03)
 
 
 def test_our_occluders_are_as_many_as_stated() -> None:
-    found = np.bincount(numbers_of_occluders(AugmentConfig(occluded=0.6)), minlength=4) / len(GREY)
+    config = OcclusionConfig(probability=0.6)
+    found = np.bincount(numbers_of_occluders(config), minlength=4) / len(GREY)
     assert found == pytest.approx([0.4, 0.2, 0.2, 0.2], abs=0.03)
 
 
 def test_what_is_pasted_is_what_is_said_to_be_covered() -> None:
-    config = AugmentConfig(occluded=1.0, occluders=1, occluder_scale=(0.5, 0.5))
+    config = OcclusionConfig(probability=1.0, max_occluders=1, scale=(0.5, 0.5))
     solid = torch.ones(200, 4, 32, 32)
     black = torch.zeros(200, 3, 32, 32)
     picture, occlusion = occlude(black, lambda chosen: solid[chosen], config, rng())
@@ -56,9 +59,9 @@ def test_what_is_pasted_is_what_is_said_to_be_covered() -> None:
     assert whole.max() == pytest.approx((0.5 * 32) ** 2, rel=0.15)
 
 
-def test_things_are_other_objects_and_pieces_of_photos() -> None:
+def test_occluders_are_other_objects_and_cutouts_of_photos() -> None:
     objects, photos = torch.full((400, 4, 24, 24), 0.25), torch.ones(400, 3, 24, 24)
-    draw = loose_things(objects, photos, AugmentConfig(photo_occluder=0.45), rng())
+    draw = occluder_source(objects, photos, OcclusionConfig(photo_probability=0.45), rng())
     layers = draw(torch.arange(400))
     cut = (layers[:, 3].flatten(1).amax(1) == 1).float()
     assert cut.mean() == pytest.approx(0.45, abs=0.08)
@@ -67,26 +70,20 @@ def test_things_are_other_objects_and_pieces_of_photos() -> None:
     assert torch.equal(pieces[:, 0], pieces[:, 3]), "colour times alpha, of white photos"
 
 
-def test_over_is_the_usual_formula() -> None:
-    picture, layer = torch.full((1, 3, 1, 1), 0.8), torch.tensor([0.1, 0.2, 0.0, 0.25])
-    seen = over(picture, layer[None, :, None, None])[0, :, 0, 0]
-    assert seen.tolist() == pytest.approx([0.7, 0.8, 0.6])
-
-
-@pytest.mark.parametrize("turned", [True, False])
-def test_layers_are_turned_only_if_wanted(turned: bool) -> None:
+@pytest.mark.parametrize("rotated", [True, False])
+def test_layers_are_rotated_only_if_wanted(rotated: bool) -> None:
     layers = torch.zeros(50, 1, 64, 64)
     layers[:, :, 24:40, 16:48] = 1
-    placed = scatter(layers, torch.ones(50), 0.2, rng(), turned)
+    placed = scatter(layers, torch.ones(50), 0.2, rng(), rotated)
     rows = (placed[:, 0] > 0.5).any(-1).sum(-1)
     columns = (placed[:, 0] > 0.5).any(-2).sum(-1)
     upright = ((rows - 16).abs() <= 1) & ((columns - 32).abs() <= 1)
-    assert upright.all() if not turned else upright.float().mean() < 0.3
+    assert upright.all() if not rotated else upright.float().mean() < 0.3
 
 
-def test_the_paper_s_crop_leaves_a_rectangle_of_72_to_96_in_a_quarter() -> None:
+def test_the_paper_s_window_leaves_a_rectangle_of_72_to_96_in_a_quarter() -> None:
     front = torch.ones(500, 1, 128, 128)
-    picture, occlusion = crop_region(0 * front, front, 0 * front, PAPER, rng())
+    picture, occlusion = show_window(0 * front, front, 0 * front, PAPER.visible_window, rng())
     assert torch.equal(picture, 1 - occlusion)
     cropped = occlusion.flatten(1).amax(1) > 0
     assert cropped.float().mean() == pytest.approx(0.25, abs=0.05)
@@ -97,14 +94,14 @@ def test_the_paper_s_crop_leaves_a_rectangle_of_72_to_96_in_a_quarter() -> None:
     assert torch.equal(shown.flatten(1).sum(1), high * wide), "one whole rectangle"
 
 
-def test_without_a_share_nothing_is_cropped() -> None:
+def test_without_a_window_nothing_is_hidden() -> None:
     front, none = torch.ones(9, 3, 128, 128), torch.zeros(9, 1, 128, 128)
-    picture, occlusion = crop_region(0 * front, front, none, replace(PAPER, cropped=0.0), rng())
+    picture, occlusion = show_window(0 * front, front, none, VisibleWindowConfig(), rng())
     assert torch.equal(picture, front) and occlusion.max() == 0
 
 
 def test_borders_are_black_and_known() -> None:
-    config = AugmentConfig(border=0.3)
+    config = ImageBorderConfig(probability=0.3)
     picture, border = cut_border(torch.ones(300, 3, 32, 32), config, rng())
     assert torch.equal(picture[:, :1], 1 - border)
     share = float((border.flatten(1).amax(1) > 0).float().mean())
@@ -112,14 +109,14 @@ def test_borders_are_black_and_known() -> None:
 
 
 def test_shadows_darken_a_side_by_what_is_stated() -> None:
-    config = AugmentConfig(shadowed=0.4, shadow=(0.5, 0.6))
-    lit = shadow(torch.ones(600, 1, 32, 32), config, rng()).flatten(1)
+    config = CastShadowConfig(probability=0.4, brightness=(0.5, 0.6))
+    lit = cast_shadow(torch.ones(600, 1, 32, 32), config, rng()).flatten(1)
     darkest = lit.amin(1)
     assert (darkest < 0.99).float().mean() == pytest.approx(0.4, abs=0.06)
     assert darkest.min() >= 0.5 - 1e-6 and lit.max() <= 1 + 1e-6
 
 
-def test_boards_are_dark_and_light_lie_anywhere_and_are_premultiplied() -> None:
+def test_boards_are_dark_and_light_anywhere_and_premultiplied() -> None:
     layers = calibration_boards(300, 64, rng())
     alpha, colour = layers[:, 3:], layers[:, :3]
     assert layers.shape == (300, 4, 64, 64) and (colour <= alpha + 1e-5).all()

@@ -1,4 +1,4 @@
-"""Windows are pasted to the pixel, layers respect depth, the picture's centre does not shift."""
+"""Layers: windows hold the frame's pixels, depth decides, sampling does not shift the image."""
 
 from __future__ import annotations
 
@@ -11,20 +11,18 @@ from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3
 from moveit6d.rendering.backends import make_renderer
-from moveit6d.synthesis.sequences.image_formation import (
+from moveit6d.synthesis.sequences.layers import (
     Layer,
-    Light,
-    Material,
-    Sensor,
+    SceneLight,
+    SceneMaterial,
     composite,
-    expose,
-    linear,
     render_layers,
 )
 from tests.support.meshes import colored_box
 
 CAMERA = Camera(300.0, 310.0, 98.3, 75.1, 200, 150)
-LIGHT = Light((0.0, -0.6, -0.8), (0.7, 0.7, 0.7), (0.4, 0.4, 0.4))
+LIGHT = SceneLight((0.0, -0.6, -0.8), (0.7, 0.7, 0.7), (0.4, 0.4, 0.4))
+MATERIAL = SceneMaterial()
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +43,9 @@ def test_window_holds_exactly_the_frames_pixels(
     whole = renderer.render([box], pose, CAMERA.matrix[None], size=200).depth[0, 0].numpy()
     frame = np.zeros((150, 200, 3), np.float32)
     depth = np.full((150, 200), np.inf, np.float32)
-    for layer in render_layers(renderer, box, pose, CAMERA, np.zeros((1, 2)), LIGHT, Material()):
+    for layer in render_layers(
+        renderer, box, pose, CAMERA, np.zeros((1, 2)), LIGHT, SceneMaterial()
+    ):
         assert len(layer.depth) < 200
         composite(frame, depth, layer)
     expected = np.where(whole[:150] > 0, whole[:150], np.inf)
@@ -58,7 +58,7 @@ def test_window_holds_exactly_the_frames_pixels(
 def test_outside_of_the_frame_there_is_nothing_to_render(box: Mesh) -> None:
     renderer = make_renderer("embree")
     layers = render_layers(
-        renderer, box, at(2.0, 0.0, 0.5), CAMERA, np.zeros((1, 2)), LIGHT, Material()
+        renderer, box, at(2.0, 0.0, 0.5), CAMERA, np.zeros((1, 2)), LIGHT, MATERIAL
     )
     assert layers == []
 
@@ -67,7 +67,7 @@ def test_sampling_off_centre_moves_the_picture_back(box: Mesh) -> None:
     renderer, pose = make_renderer("embree"), at(0.0, 0.0, 0.5)
     offsets = np.array([[0.0, 0.0], [0.4, -0.3]])
     both = Pose(pose.rotation.repeat(2, 1, 1), pose.translation.repeat(2, 1))
-    first, second = render_layers(renderer, box, both, CAMERA, offsets, LIGHT, Material())
+    first, second = render_layers(renderer, box, both, CAMERA, offsets, LIGHT, MATERIAL)
     shift = _centroid(second) - _centroid(first)
     np.testing.assert_allclose(shift, -offsets[1], atol=0.05)
 
@@ -85,40 +85,6 @@ def test_nearer_layer_wins_whatever_the_order() -> None:
     np.testing.assert_array_equal(*pictures)
     assert pictures[0][2, 2].tolist() == [1, 0, 0]
     assert pictures[0][0, 2].tolist() == [0, 1, 0]
-
-
-def test_shadow_falls_away_from_the_light() -> None:
-    # A pole on a plate, lit from the left: the plate is dark on the right of the pole only.
-    plate, pole = colored_box((0.2, 0.2, 0.01)), colored_box((0.02, 0.02, 0.08))
-    raised = pole.vertices + np.array([0, 0, -0.045], np.float32)
-    whole = Mesh.from_arrays(
-        "sundial",
-        np.concatenate([plate.vertices, raised]),
-        np.concatenate([plate.faces, pole.faces + len(plate.vertices)]),
-    )
-    pose = Pose(
-        torch.eye(3, dtype=torch.float64)[None],
-        torch.tensor([[0.0, 0.0, 0.6]], dtype=torch.float64),
-    )
-    light = Light((-0.707, 0.0, -0.707), (1.0, 1.0, 1.0), (0.2, 0.2, 0.2))
-    (layer,) = render_layers(
-        make_renderer("embree"), whole, pose, CAMERA, np.zeros((1, 2)), light, Material(0.0)
-    )
-    frame, depth = np.zeros((150, 200, 3), np.float32), np.full((150, 200), np.inf, np.float32)
-    composite(frame, depth, layer)
-    u, v = (round(c) for c in CAMERA.project(torch.tensor([0.0, 0.0, 0.6])).tolist())
-    left, right = frame[v, u - 20, 0], frame[v, u + 20, 0]
-    assert left > 3 * right > 0
-
-
-def test_exposure_keeps_values_within_noise() -> None:
-    picture = np.full((40, 40, 3), (30, 128, 220), np.uint8)
-    quiet = Sensor(blur=0.5, exposure=1.0, read_noise=0.0, shot_noise=0.0)
-    seen = expose(np.random.default_rng(0), linear(picture), quiet)
-    assert np.abs(seen.astype(int) - picture).max() <= 1
-    noisy = Sensor(blur=0.5, exposure=1.0, read_noise=0.003, shot_noise=0.02)
-    seen = expose(np.random.default_rng(0), linear(picture), noisy)
-    assert 0.3 < seen[..., 1].std() < 6
 
 
 def _centroid(layer: Layer) -> np.ndarray:
