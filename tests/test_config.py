@@ -22,9 +22,11 @@ from moveit6d.config import (
     MultiStartConfig,
     PerturbationConfig,
     RecoveryConfig,
+    RegionConfig,
     SeedDetectorConfig,
     StateConfig,
     TemplateConfig,
+    TextureConfig,
     TrackerConfig,
     VerificationConfig,
 )
@@ -33,7 +35,7 @@ from moveit6d.errors import InputError
 KINDS = (
     TrackerConfig, LoopConfig, MultiStartConfig, PerturbationConfig, MotionConfig, ContourConfig,
     CalibrationConfig, SeedDetectorConfig, TemplateConfig, MatchConfig, VerificationConfig,
-    DetectorConfig, StateConfig, RecoveryConfig,
+    DetectorConfig, StateConfig, RecoveryConfig, RegionConfig, TextureConfig,
 )  # fmt: skip
 
 
@@ -69,6 +71,14 @@ def test_the_paper_has_nothing_beyond_the_paper() -> None:
         (lambda: StateConfig(frames_to_lose=0), "1 or more"),
         (lambda: RecoveryConfig(interval=0), "interval and near_candidates must be 1 or more"),
         (lambda: RecoveryConfig(max_milliseconds=-1.0), "must not be negative"),
+        (lambda: LoopConfig(width_error=0.0), "width_error must be positive"),
+        (lambda: TemplateConfig(width=60), "width must be a multiple of 8"),
+        (lambda: TemplateConfig(distance=0.5), "distance must be 1"),
+        (lambda: MatchConfig(samples=1), "samples must be 2 or more"),
+        (lambda: RegionConfig(box_ratio=(1.2, 2.5)), "box_ratio must be two"),
+        (lambda: RegionConfig(margin=-0.1), "margin 0 or more"),
+        (lambda: SeedDetectorConfig(max_seeds=2), "max_seeds 3 or more"),
+        (lambda: TextureConfig(pieces=0), "pieces must be 1 or more"),
         (lambda: LoopConfig(fine_scale=0.5), "fine_scale"),
         (lambda: TrackerConfig(low_confidence=0.9), "low_confidence ≤ high_confidence"),
     ],

@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.ndimage import gaussian_filter
 
-from moveit6d.config import ActionMode
+from moveit6d.config import ActionMode, SeedDetectorConfig
 from moveit6d.errors import InputError
 from moveit6d.estimation.seeding import (
     SeedField,
@@ -70,6 +70,9 @@ def test_the_grid_covers_the_image_evenly() -> None:
     assert centres[0, 0].max() < 24
     few = seed_grid(CAMERA, 1000.0)
     assert min(few.shape[:2]) >= 3
+    assert spacing(seed_grid(CAMERA, 60.0, SeedDetectorConfig(spacing=0.5))) == pytest.approx(30.0)
+    dense = seed_grid(CAMERA, 1.0, SeedDetectorConfig(max_seeds=16))
+    assert dense.shape[1] == 16 and spacing(dense) == pytest.approx(20.0)
 
 
 def test_smoothing_is_a_gaussian_that_ignores_what_is_outside() -> None:

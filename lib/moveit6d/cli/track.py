@@ -165,7 +165,7 @@ def run(args: argparse.Namespace) -> int:
     ahead = iter(Latest(frames) if getattr(frames, "live", False) else Prefetched(frames))
     if wants_paint(args, meshes):
         first, ahead = peek(ahead)
-        meshes = painted(meshes, starts, first, camera)
+        meshes = painted(meshes, starts, first, camera, setting.config.texture)
     tracker = PoseTracker(
         meshes,
         camera,

@@ -23,6 +23,8 @@ class StateConfig:
         confidence: weight of the network's confidence.
         agreement: weight of the contour's agreement, a share.
         intercept: of the regression.
+        usual_agreement: the contour's agreement that is assumed where it is not measured (without
+            contour refinement): the confidence alone decides then.
         confirmed: probability from which an object is tracked.
         doubted: probability below which a tracked object becomes uncertain. Between the two the
             state stays what it was.
@@ -35,6 +37,7 @@ class StateConfig:
     confidence: float = 11.5
     agreement: float = 4.5
     intercept: float = -9.8
+    usual_agreement: float = 0.4
     confirmed: float = 0.5
     doubted: float = 0.3
     rejected: float = 0.25

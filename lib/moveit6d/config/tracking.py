@@ -103,6 +103,8 @@ class ContourConfig:
         amplitude: of the smoothed step function: 0.5 would trust every pixel.
         slope: of the smoothed step function, in segments.
         min_deviation: no line is taken to be more exact than this, in segments.
+        agreement_error: pixels within which the colours' edge must lie on the contour there to
+            count as agreement.
         normal_blur: pixels over which the direction of the contour is averaged.
         bins: of a colour channel.
         bin_blur: Gaussian over neighbouring bins.
@@ -127,6 +129,7 @@ class ContourConfig:
     amplitude: float = 0.36
     slope: float = 0.8
     min_deviation: float = 0.7
+    agreement_error: float = 1.5
     normal_blur: float = 2.0
     bins: int = 32
     bin_blur: float = 1.0
@@ -157,6 +160,30 @@ class CalibrationConfig:
 
 
 @dataclass(frozen=True)
+class TextureConfig:
+    """How a mesh without colours is painted from an image (`Mesh.textured_from`).
+
+    Args:
+        pieces: triangles are divided until no edge is longer than the object's diameter over this.
+        max_faces: at which they are not divided any further.
+        min_facing: cosine to the viewing ray below which a face is too slanted to be painted.
+        hidden: a face so far behind the nearest one of its pixels, in diameters, is hidden.
+    """
+
+    pieces: int = 24
+    max_faces: int = 40_000
+    min_facing: float = 0.2
+    hidden: float = 0.015
+
+    def __post_init__(self) -> None:
+        if self.pieces < 1 or not 0 < self.min_facing < 1:
+            raise InputError(
+                "TextureConfig: pieces must be 1 or more and min_facing between 0 and 1, found "
+                f"{self.pieces} and {self.min_facing}."
+            )
+
+
+@dataclass(frozen=True)
 class TrackerConfig:
     """Everything that decides a track or a detection besides the policy and the renderer.
 
@@ -169,6 +196,7 @@ class TrackerConfig:
         motion: the constant-velocity model.
         contour: region-based refinement.
         calibration: calibration from the first frame.
+        texture: painting of meshes without colours from the first frame.
         detection: search of a whole image for an object.
         recovery: when an object counts as lost, and how it is looked for then.
 
@@ -186,6 +214,7 @@ class TrackerConfig:
     motion: MotionConfig = field(default_factory=MotionConfig)
     contour: ContourConfig = field(default_factory=ContourConfig)
     calibration: CalibrationConfig = field(default_factory=CalibrationConfig)
+    texture: TextureConfig = field(default_factory=TextureConfig)
     detection: DetectorConfig = field(default_factory=DetectorConfig)
     recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
 

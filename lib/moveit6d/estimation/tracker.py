@@ -37,8 +37,6 @@ from .track_state import TrackState
 from .visibility import check_start
 
 DEFAULT = TrackerConfig()
-# Of the contour where it is not measured: what the confidence alone says then.
-USUAL_AGREEMENT = 0.4
 Starts = Pose | Sequence[Pose | None] | None
 Results = TypeVar("Results", TrackingResult, list[TrackingResult])
 
@@ -337,9 +335,9 @@ class PoseTracker(Generic[Results]):
             track.add(result.centred, result.confidence)
             result = replace(result, centred=track.centred)
         agreement = result.contour_agreement
-        judged = supervisor.judged(
-            result.result(track.mesh), USUAL_AGREEMENT if agreement is None else agreement
-        )
+        if agreement is None:
+            agreement = self.config.recovery.states.usual_agreement
+        judged = supervisor.judged(result.result(track.mesh), agreement)
         if judged.state is TrackingState.TRACKING:
             track.update_histograms(histograms)
         return judged
