@@ -130,5 +130,6 @@ def test_fit_forwards_its_arguments(
     monkeypatch.setitem(sys.modules, "lightning_modules", SimpleNamespace(cli=stub))
     monkeypatch.setitem(sys.modules, "lightning_modules.cli", stub)
     assert main(["fit", *given]) == 0
-    assert seen == [forwarded]
+    assert main(["-q", "fit", *given]) == 0
+    assert seen == [forwarded, forwarded]
     assert fit.forward([]) == 0
