@@ -32,6 +32,22 @@ def test_every_field_has_an_option() -> None:
         assert parsed(f"--{name}", "null" if value is None else text) == TrackerConfig(), name
 
 
+def test_help_shows_what_is_wanted_often_and_all_options_everything(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    often = {"--low_confidence", "--max_iterations", "--no_contour", "--all_options"}
+    for option, shown in (("--help", False), ("--all_options", True)):
+        parser = argparse.ArgumentParser(prog="track")
+        add_settings(parser)
+        with pytest.raises(SystemExit) as ended:
+            parser.parse_args([option])
+        text = capsys.readouterr().out
+        assert ended.value.code == 0 and all(word in text for word in often)
+        names = [name for name, *_ in fields_of(TrackerConfig())]
+        assert all(f"--{name} " in text for name in names) == shown
+        assert len(text.partition("\n\n")[0].splitlines()) < 20, "the usage stays short"
+
+
 def test_options_change_one_setting_each() -> None:
     found = parsed("--max_iterations", "3", "--mode", "single", "--no_contour", base=None)
     assert found.loop.max_iterations == 3 and found.loop.mode == "single"

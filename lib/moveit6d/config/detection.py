@@ -18,15 +18,16 @@ class TemplateConfig:
     """What a mesh is prepared for.
 
     Args:
-        rotations: sides from which it is described, spread evenly over all rotations.
-        coarse_rotations: of the fewer ones that look for places.
-        channels: of a descriptor, projected to the axes that tell the object's cells apart best.
-        colour: weight of three channels of coarse colour beside them.
-        width: of the object's bounding sphere in a template, pixels, a multiple of 8. At 91,
+        rotations: sides from which the object is described, spread evenly over all rotations.
+        coarse_rotations: sides of the smaller set that finds places in the image.
+        channels: numbers of a descriptor, which is projected to the axes that tell the object's
+            cells apart best.
+        colour: weight of three channels of coarse colour beside the descriptors.
+        width: width of the object's bounding sphere in a template, pixels, a multiple of 8. At 91,
             as wide as in the patches of the loop, no more places and views were right, and
             matching took three times as long.
-        distance: from which templates are rendered, in diameters of the sphere: far enough to be
-            nearly without perspective.
+        distance: distance from which templates are rendered, in diameters of the sphere: far enough
+            to be nearly without perspective.
     """
 
     rotations: int = 600
@@ -64,8 +65,8 @@ class MatchConfig:
         views: rotations that are kept of each place at most.
         candidates: poses that are refined. Where none is accepted, single images go on with as many
             more.
-        tolerance_weight: of the score in which each cell may lie one cell beside where it should,
-            against the score in units of a template's spread over the image.
+        tolerance_weight: weight of the score in which each cell may lie one cell beside where it
+            should, against the score in units of a template's spread over the image.
         samples: random positions in each level of the image from which a template's usual score,
             its mean and spread, is measured.
         reach: cells around a place in which each template looks for its own best position.
@@ -118,9 +119,9 @@ class RegionConfig:
         part_overlap: where it does: intersection over union that is enough.
         box_ratio: smallest and largest width of the object's bounding sphere that is tried, in
             longer sides of the box.
-        margin: of the part of the image that is searched around the box, in widths of the object.
-        background_scale: resolution of the whole image from which a template's usual score is
-            measured where only a part is searched; of the image, at most.
+        margin: margin around the box within which the image is searched, in widths of the object.
+        background_scale: where only a part of the image is searched, a template's usual score is
+            measured in the whole image, scaled by this factor at most.
     """
 
     near_shift: float = 0.75
@@ -158,7 +159,7 @@ class VerificationConfig:
     Args:
         confidence: weight of the network's confidence at the end of the refinement.
         similarity: weight of the mean cosine of descriptors, image against rendering.
-        intercept: of the regression.
+        intercept: intercept of the regression.
     """
 
     confidence: float = 11.0
@@ -175,7 +176,8 @@ class DetectorConfig:
         match: how an image is searched.
         region: how closely candidates must agree with what is known of where the object is.
         verification: how likely a refined pose is right.
-        stages: of the tournament: how many candidates are refined, and by how many iterations.
+        stages: stages of the tournament: how many candidates are refined in each, and by how many
+            iterations.
         accepted: probability from which the object counts as found.
         same_instance: poses nearer than this in the image, in widths of the object, are one
             instance.
@@ -208,11 +210,12 @@ class SeedDetectorConfig:
             much steadier.
         sinks: how many of the strongest sinks of all sizes are refined. The paper has one.
         rotations: size of the coarse grid over all rotations, at every sink.
-        seed: of the random orientations.
+        seed: seed of the random orientations.
         criterion: chooses the candidate: the policy's confidence, or as in the paper the fewest
             iterations to stop, among equals the shortest path.
-        spacing: of the seeds, in widths of the object as it is seeded.
-        max_seeds: in a row or column of the image; a large image has them farther apart.
+        spacing: distance between seeds, in widths of the object as it is seeded.
+        max_seeds: seeds in a row or column of the image at most: in a large image they are farther
+            apart.
         smoothing: standard deviation of the Gaussian that smooths the field, in widths of the
             object as it is seeded. On eight rendered objects in front of photos the object was
             among the three strongest sinks six times with 0.25 and four times with 0.4 and 0.6.

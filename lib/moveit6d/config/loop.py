@@ -36,7 +36,8 @@ class LoopConfig:
         max_iterations: limit for one frame; None means 30 in mode single and 8 in mode all_axes.
         step_size: length of single actions, in action units.
         fine_stage: near the object the crop shows its middle, enlarged (mode all_axes only).
-        fine_scale: how many times larger, which makes action units as many times smaller.
+        fine_scale: how many times larger the fine stage shows the object, which makes action units
+            as many times smaller.
         fine_threshold: the fine stage begins once the delta is below this on every axis.
         augment: single images get one more iteration with test-time augmentation (mode all_axes).
         stop_delta: in mode all_axes the loop also stops once the delta is below this on every axis,

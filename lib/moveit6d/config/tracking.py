@@ -37,7 +37,7 @@ class MultiStartConfig:
     """Refinement from perturbed starts while the confidence is low (mode all_axes only).
 
     Args:
-        enabled: whether to do it at all.
+        enabled: refine from perturbed starts at all.
         recovery: in a video: starts around each of the three recovery poses (the last pose, the
             last confident one, and where its motion leads). Wider ones find a lost object no more
             often, and more often something else.
@@ -87,7 +87,7 @@ class ContourConfig:
     """Region-based refinement of the pose after the loop (SRT3D's terms).
 
     Args:
-        enabled: whether to do it at all.
+        enabled: refine the contour at all.
         scales: pixels a segment of the correspondence lines, one Gauss-Newton step each; one
             rendering for each inner list.
         lines: correspondence lines at most.
@@ -100,14 +100,14 @@ class ContourConfig:
         max_delta: largest change in all, in action units; beyond it the given pose is kept.
         reach: contour distances compared, in segments to either side.
         window: segments to either side of a contour distance that it is judged by.
-        amplitude: of the smoothed step function: 0.5 would trust every pixel.
-        slope: of the smoothed step function, in segments.
+        amplitude: amplitude of the smoothed step function: 0.5 would trust every pixel.
+        slope: slope of the smoothed step function, in segments.
         min_deviation: no line is taken to be more exact than this, in segments.
-        agreement_error: pixels within which the colours' edge must lie on the contour there to
-            count as agreement.
+        agreement_error: pixels from the contour within which a sharp change of colours counts as
+            agreement.
         normal_blur: pixels over which the direction of the contour is averaged.
-        bins: of a colour channel.
-        bin_blur: Gaussian over neighbouring bins.
+        bins: bins of a colour channel in the histograms.
+        bin_blur: standard deviation of the blur of the histograms, in bins.
         band: pixels to either side of the contour whose colours are counted.
         min_pixels: below this many on either side there are no histograms.
         rare: density under which a colour says nothing.
@@ -145,9 +145,9 @@ class CalibrationConfig:
     """Calibration from a frame in which the pose is exact.
 
     Args:
-        enabled: whether commands that know the first pose exactly calibrate from it.
+        enabled: calibrate where a command is told that the first pose is exact.
         pairs: perturbed starts to either side of the known pose.
-        spread: their standard deviation on the six axes, in action units.
+        spread: standard deviation of those starts on the six axes, in action units.
         share: part of the depth bias found in one frame that lasts; the rest belongs to that view.
         max_bias: largest depth bias, in action units: more is a pose that is not exact.
     """
@@ -165,7 +165,7 @@ class TextureConfig:
 
     Args:
         pieces: triangles are divided until no edge is longer than the object's diameter over this.
-        max_faces: at which they are not divided any further.
+        max_faces: number of faces beyond which triangles are not divided any further.
         min_facing: cosine to the viewing ray below which a face is too slanted to be painted.
         hidden: a face so far behind the nearest one of its pixels, in diameters, is hidden.
     """

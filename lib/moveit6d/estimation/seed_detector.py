@@ -19,12 +19,11 @@ from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
 from ..geometry.rotation_grid import rotation_grid
-from ..policies import BATCH_SIZE, Policy, load_policy
-from ..rendering.backends import make_renderer
+from ..policies import BATCH_SIZE, Policy
 from ..rendering.renderer import Renderer
 from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
-from .inputs import camera_of, meshes_of
+from .inputs import camera_of, meshes_of, policy_of, renderer_of
 from .refine import refine_batch
 from .results import StopReason, Target, TrackingResult
 from .seeding import SeedField, Sink, find_sinks, seed_field, seed_poses
@@ -100,8 +99,8 @@ class SeedDetector:
         if config.loop.max_iterations is None and self.criterion is SelectionCriterion.ITERATIONS:
             limit = MAX_ITERATIONS[ActionMode.SINGLE]
             self.loop = replace(config.loop, max_iterations=limit)
-        self.policy: Policy = load_policy() if policy is None else policy
-        self.renderer = make_renderer() if renderer is None else renderer
+        self.policy: Policy = policy_of(policy)
+        self.renderer = renderer_of(renderer)
 
     @with_own_threads
     def detect(self, image: ImageLike | Frame) -> SeedDetection:

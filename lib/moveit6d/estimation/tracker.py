@@ -19,15 +19,14 @@ from ..frame import Frame, prepare_frame
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..policies import DescriptorPolicy, Policy, load_policy, mode_of
-from ..rendering.backends import make_renderer
+from ..policies import DescriptorPolicy, Policy, mode_of
 from ..rendering.renderer import Renderer
 from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
 from .calibration import depth_bias
 from .contour_stage import refine_result
 from .detection import PoseDetector, TemplateStore
-from .inputs import camera_of, meshes_of, poses_of
+from .inputs import camera_of, meshes_of, policy_of, poses_of, renderer_of
 from .multi_start import most_confident, perturbed_starts, uses_multi_start
 from .recovery import Supervisor
 from .refine import refine_starts
@@ -121,8 +120,8 @@ class PoseTracker(Generic[Results]):
         self.single = isinstance(meshes, Mesh)
         self.meshes = meshes_of(meshes)
         self.camera, self.config, self.threads = camera_of(camera), config, checked_threads(threads)
-        self.policy: Policy = load_policy() if policy is None else policy
-        self.renderer = make_renderer() if renderer is None else renderer
+        self.policy: Policy = policy_of(policy)
+        self.renderer = renderer_of(renderer)
         self.store = store or TemplateStore()
         self.tracks: list[TrackState] = []
         self.supervisors: list[Supervisor] = []

@@ -23,7 +23,7 @@ from ..errors import InputError
 from .camera import Camera
 from .hull import convex_hull
 from .mesh_files import read_mesh_file
-from .mesh_files.join import PLAIN
+from .mesh_files.join import PLAIN, Surface
 from .normals import smooth_normals
 from .pose import Pose
 from .symmetry import Symmetries
@@ -77,15 +77,21 @@ class Mesh:
         surface, content = read_mesh_file(path, allow_untextured, allow_flat)
         for warning in content.warnings:
             LOG.warning("%s: %s", path, warning)
+        known = symmetries_beside(path) if symmetries is None else symmetries
+        return Mesh.from_surface(str(path), surface, unit, known)
+
+    @staticmethod
+    def from_surface(name: str, surface: Surface, unit: Unit, symmetries: Symmetries) -> Mesh:
+        """From what a mesh file holds; see `from_arrays`."""
         return Mesh.from_arrays(
-            str(path),
+            name,
             surface.vertices,
             surface.faces,
             uv=surface.uv,
             texture=surface.texture,
             vertex_colors=surface.colors,
             unit=unit,
-            symmetries=symmetries_beside(path) if symmetries is None else symmetries,
+            symmetries=symmetries,
         )
 
     @staticmethod

@@ -18,13 +18,12 @@ from ...frame import Frame, prepare_frame
 from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
-from ...policies import DescriptorPolicy, Policy, load_policy
-from ...rendering.backends import make_renderer
+from ...policies import DescriptorPolicy, Policy
 from ...rendering.renderer import Renderer
 from ...threads import checked_threads, with_own_threads
 from ...typing import ImageLike
 from ..contour_stage import refine_result
-from ..inputs import camera_of, meshes_of, pose_of
+from ..inputs import camera_of, meshes_of, policy_of, pose_of, renderer_of
 from ..refine import refine_starts
 from ..results import Refined, Start, TrackingResult
 from ..seed_detector import SeedDetection, SeedDetector
@@ -133,9 +132,9 @@ class PoseDetector:
         self.mesh, self.camera = meshes_of([mesh])[0], camera_of(camera)
         self.settings, self.config = config, config.detection
         self.threads = checked_threads(threads)
-        self.renderer = make_renderer() if renderer is None else renderer
+        self.renderer = renderer_of(renderer)
         self.store = store or TemplateStore()
-        self._policy: Policy = load_policy() if policy is None else policy
+        self._policy: Policy = policy_of(policy)
         self.seeds: SeedDetector | None = None
         if method == "seeds":
             self.seeds = SeedDetector(
