@@ -179,7 +179,7 @@ def run(args: argparse.Namespace) -> int:
     names = object_names(args.mesh)
     output = new_folder(args.output)
     records = [TrackSummary() for _ in meshes]
-    earlier = earlier_rows(output, args)
+    earlier = earlier_rows(output, args, setting.config)
     movie_file = _movie_file(output, args, len(earlier))
     for row in earlier:
         records[0].add_row(row)
