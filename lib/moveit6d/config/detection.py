@@ -151,8 +151,8 @@ class RegionConfig:
 class VerificationConfig:
     """The probability that a pose is right, by logistic regression on what is seen there.
 
-    Fitted on candidates of searches in made pictures (motion blur, occlusion, clutter, tabletops,
-    other objects' pictures) of eight training meshes that were held out; there the contour's
+    Fitted on candidates of searches in synthetic pictures (motion blur, occlusion, clutter,
+    tabletops, other objects' pictures) of eight training meshes that were held out; there the contour's
     agreement, the correlation of grey values and the length of the next update added nothing to
     these two.
 

@@ -22,13 +22,13 @@ class PerturbationConfig:
     Args:
         count: how many starts.
         shift: largest shift on t_x, t_y and t_z, in action units.
-        turn: smallest and largest rotation, in degrees.
+        rotation: smallest and largest rotation, in degrees.
         fine: start in the fine stage.
     """
 
     count: int
     shift: tuple[float, float, float]
-    turn: tuple[float, float]
+    rotation: tuple[float, float]
     fine: bool = False
 
 

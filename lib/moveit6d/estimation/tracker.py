@@ -265,7 +265,7 @@ class PoseTracker(Generic[Results]):
         return True
 
     def _refine(self, frame: Frame, numbers: Sequence[int]) -> list[Refined]:
-        """Follow objects, each from the best of its starts, and recover those in doubt."""
+        """Follow objects, each from the best of its starts, and recover those of low confidence."""
         groups, starts = [], []
         for number in numbers:
             track = self.tracks[number]
