@@ -152,9 +152,9 @@ class VerificationConfig:
     """The probability that a pose is right, by logistic regression on what is seen there.
 
     Fitted on candidates of searches in synthetic pictures (motion blur, occlusion, clutter,
-    tabletops, other objects' pictures) of eight training meshes that were held out; there the contour's
-    agreement, the correlation of grey values and the length of the next update added nothing to
-    these two.
+    tabletops, other objects' pictures) of eight training meshes that were held out; there the
+    contour's agreement, the correlation of grey values and the length of the next update added
+    nothing to these two.
 
     Args:
         confidence: weight of the network's confidence at the end of the refinement.
