@@ -10,7 +10,7 @@ from moveit6d.errors import InputError
 from moveit6d.estimation.seeding import (
     SeedField,
     find_sinks,
-    planar_move,
+    planar_shift,
     seed_field,
     seed_grid,
     seed_poses,
@@ -139,6 +139,6 @@ def test_single_actions_give_the_vector_by_their_odds() -> None:
     logits = torch.full((1, 13), -9.0)
     logits[0, 1], logits[0, 2] = 2.0, 1.0  # left, down
     prediction = PolicyOutput(logits, torch.ones(1, 6), torch.ones(1))
-    move = planar_move(prediction, ActionMode.SINGLE)[0]
-    assert move[0] < 0 < move[1] and abs(move[0] / move[1]) == pytest.approx(np.e, rel=1e-3)
-    assert planar_move(prediction, ActionMode.ALL_AXES).tolist() == [[1.0, 1.0]]
+    shift = planar_shift(prediction, ActionMode.SINGLE)[0]
+    assert shift[0] < 0 < shift[1] and abs(shift[0] / shift[1]) == pytest.approx(np.e, rel=1e-3)
+    assert planar_shift(prediction, ActionMode.ALL_AXES).tolist() == [[1.0, 1.0]]

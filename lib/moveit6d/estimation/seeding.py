@@ -86,8 +86,8 @@ def seed_field(
             "give other weights or start poses."
         )
     centres = seed_grid(frame.camera, size, config)
-    found = [_moves(frame, mesh, turn, size, centres, policy, renderer) for turn in rotations]
-    vectors = torch.stack([moves for moves, _ in found]).mean(0).reshape(centres.shape)
+    found = [_shifts(frame, mesh, turn, size, centres, policy, renderer) for turn in rotations]
+    vectors = torch.stack([shifts for shifts, _ in found]).mean(0).reshape(centres.shape)
     confidence = torch.stack([belief for _, belief in found]).amax(0)
     step = spacing(centres)
     smooth = smoothed(vectors, config.smoothing * size / step)
@@ -95,7 +95,7 @@ def seed_field(
     return SeedField(centres, vectors, smooth, sink, confidence.reshape(centres.shape[:2]), size)
 
 
-def _moves(
+def _shifts(
     frame: Frame,
     mesh: Mesh,
     rotation: Tensor,
@@ -110,15 +110,15 @@ def _moves(
     diameter = torch.full((len(pixels),), mesh.sphere_diameter, dtype=torch.float64)
     view = look_at(pose, diameter)
     gbuffer = renderer.render([mesh], view.to_virtual(pose)[:1], view.intrinsics[:1])
-    moves, confidences = [], []
+    shifts, confidences = [], []
     for rows in torch.split(torch.arange(len(pixels)), BATCH_SIZE):
         part = View(view.rotation[rows], view.intrinsics[rows], view.distance[rows])
         observation = observe_shared(frame, gbuffer, part, diameter[rows])
         state = LoopState(pose[rows], diameter[rows], torch.zeros_like(rows))
         prediction = policy.predict(observation, state)
-        moves.append(_in_image(planar_move(prediction, policy.mode), part, frame.camera))
+        shifts.append(_in_image(planar_shift(prediction, policy.mode), part, frame.camera))
         confidences.append(prediction.confidence.to(torch.float64))
-    return torch.cat(moves), torch.cat(confidences)
+    return torch.cat(shifts), torch.cat(confidences)
 
 
 def seed_poses(
@@ -135,7 +135,7 @@ def seed_poses(
     return Pose(view.rotation.mT @ rotation, place)
 
 
-def planar_move(prediction: PolicyOutput, mode: ActionMode) -> Tensor:
+def planar_shift(prediction: PolicyOutput, mode: ActionMode) -> Tensor:
     """What a prediction says of t_x and t_y: (B, 2), only the direction has a meaning."""
     if mode is ActionMode.ALL_AXES and prediction.delta is not None:
         return prediction.delta[:, :2].to(torch.float64)
@@ -214,12 +214,12 @@ def spacing(centres: Tensor) -> float:
     return float(centres[0, 1, 0] - centres[0, 0, 0])
 
 
-def _in_image(moves: Tensor, view: View, camera: Camera) -> Tensor:
+def _in_image(shifts: Tensor, view: View, camera: Camera) -> Tensor:
     """Unit vectors (B, 2) in the image for shifts (B, 2) in the crops; zero stays zero."""
-    back = patch_to_image(view, camera.matrix.expand(len(moves), 3, 3))
+    back = patch_to_image(view, camera.matrix.expand(len(shifts), 3, 3))
     middle = view.intrinsics[:, :2, 2]
     start = _mapped(back, middle)
-    direction = functional.normalize(moves, dim=1)
+    direction = functional.normalize(shifts, dim=1)
     return functional.normalize(_mapped(back, middle + direction) - start, dim=1)
 
 

@@ -1,6 +1,6 @@
 """Tracking, uncertain or lost: what a tracker says of an object, with hysteresis.
 
-Never sees an image and never moves a pose.
+Never sees an image and never changes a pose.
 """
 
 from __future__ import annotations

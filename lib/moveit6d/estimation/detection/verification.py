@@ -1,6 +1,6 @@
 """How likely a pose is right, by everything that can be seen there.
 
-Never moves a pose.
+Never changes a pose.
 """
 
 from __future__ import annotations
