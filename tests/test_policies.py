@@ -44,6 +44,9 @@ def test_all_axes_move_at_once_and_stop_when_nothing_is_left() -> None:
     near = to_action(a_prediction(0, [0.2, 0, 0, 0, 0, 0.4]), ActionMode.ALL_AXES)
     assert near.stop.all() and near.delta[0, 5] == pytest.approx(0.4)
     assert to_action(a_prediction(12, [3.0] * 6), ActionMode.ALL_AXES).stop.all()
+    small = a_prediction(0, [0.2, 0, 0, 0, 0, 0.4])
+    assert not to_action(small, ActionMode.ALL_AXES, stop_delta=0.3).stop.any()
+    assert to_action(small, ActionMode.ALL_AXES, step_size=2.0, stop_delta=0.3).stop.all()
 
 
 def test_a_network_without_counts_cannot_move_all_axes() -> None:

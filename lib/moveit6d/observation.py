@@ -18,6 +18,10 @@ from .geometry.pose import Pose
 from .rendering.renderer import GBuffer, Renderer
 from .rendering.shading import shade_plain
 
+# What networks see around a rendering, and the middle of what they see: a dark background would be
+# an outline of its own. The networks are trained with it.
+GREY = 0.45
+
 
 @dataclass(frozen=True)
 class Observation:

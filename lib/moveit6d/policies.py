@@ -27,6 +27,7 @@ from .networks.policy_output import PolicyOutput
 from .networks.weights_file import load_network
 from .observation import Observation, mirrored, rotated
 
+BATCH_SIZE = 32  # crops a pass of a network: larger batches are hardly faster and cost memory
 SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "multi_object.safetensors"
 
 
@@ -72,19 +73,21 @@ class DescriptorPolicy(Policy, Protocol):
         ...
 
 
-def to_action(prediction: PolicyOutput, mode: ActionMode, step_size: float = 1.0) -> PoseAction:
+def to_action(
+    prediction: PolicyOutput, mode: ActionMode, step_size: float = 1.0, stop_delta: float = 0.5
+) -> PoseAction:
     """The update that a prediction stands for.
 
     In mode `single` the action with the highest score, `step_size` units long. In mode `all_axes`
-    the delta as it is; it also stops if the stop action scores highest or every axis is under half
-    a step, and the remainder is applied as the last update.
+    the delta as it is; it also stops if the stop action scores highest or every axis is under
+    `stop_delta` steps, and the remainder is applied as the last update.
     """
     best = prediction.logits.argmax(-1)
     if mode is ActionMode.SINGLE:
         return PoseAction.from_index(best, step_size)
     if prediction.delta is None:
         raise InputError("This network only chooses single actions: use the mode 'single' with it.")
-    done = prediction.delta.abs().amax(-1) < 0.5 * step_size
+    done = prediction.delta.abs().amax(-1) < stop_delta * step_size
     return PoseAction(prediction.delta.to(torch.float64), (best == 12) | done)
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 from moveit6d.camera_calibration import Board
 from moveit6d.cli.main import main
 from moveit6d.geometry.camera import Camera
-from tests.camera_calibration.test_calibration import HEIGHT, STANDARD, WIDTH, photos
+from tests.support.board_photos import HEIGHT, STANDARD, WIDTH, photos
 
 
 def test_photos_become_a_camera_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,8 +14,6 @@ import torch
 from PIL import Image
 
 from moveit6d.cli.main import main
-from moveit6d.datasets.bop import Instance, read_results
-from moveit6d.datasets.bop_writer import BopImage, write_bop
 from moveit6d.datasets.pose_files import read_poses, write_camera
 from moveit6d.geometry.pose import Pose
 
@@ -31,13 +29,6 @@ def folder(tmp_path: Path, scene: Any) -> Path:
     Image.fromarray(noise.repeat(10, 0).repeat(10, 1)).save(tmp_path / "none.png")
     write_camera(tmp_path / "camera.json", scene.camera)
     return tmp_path
-
-
-@pytest.fixture(autouse=True)
-def own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Prepared meshes are kept beside the tests, once for all of them."""
-    base = tmp_path_factory.getbasetemp() / "cache"
-    monkeypatch.setenv("XDG_CACHE_HOME", str(base))
 
 
 @pytest.fixture
@@ -137,21 +128,3 @@ def test_missing_options_are_named(tmp_path: Path, capsys: Any) -> None:
     assert "--mesh, --mesh_unit, --image, --camera missing" in capsys.readouterr().err
     assert main(["detect", "--dataset", str(tmp_path), "--output", str(tmp_path / "o.csv")]) == 2
     assert "--split missing" in capsys.readouterr().err
-
-
-def test_every_target_of_a_data_set_gets_a_line(tmp_path: Path, scene: Any, capsys: Any) -> None:
-    images = [
-        BopImage(1, number, scene.image(number), scene.camera, [Instance(7, scene.pose(number))])
-        for number in (0, 3)
-    ]
-    root = write_bop(tmp_path / "set", "test", {7: scene.mesh}, images)
-    out = tmp_path / "results.csv"
-    command = ["detect", "--dataset", str(root), "--split", "test", "--output", str(out)]
-    assert main([*command, "--targets", "test_targets_bop19.json"]) == 0
-    assert "2 poses in 2 images" in capsys.readouterr().out
-    found = read_results(out)
-    assert [(e.scene, e.image, e.object) for e in found] == [(1, 0, 7), (1, 3, 7)]
-    assert all(near(e.pose, scene.pose(e.image)) and e.score > 0.5 for e in found)
-    assert found[0].seconds > 0
-    assert main([*command, "--box", "0", "0", "9", "9"]) == 2
-    assert "--box is not for --dataset" in capsys.readouterr().err

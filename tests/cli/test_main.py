@@ -5,12 +5,11 @@ from __future__ import annotations
 import subprocess
 import sys
 from argparse import Namespace
-from types import SimpleNamespace
 
 import pytest
 
 from moveit6d import __version__
-from moveit6d.cli import doctor, fit
+from moveit6d.cli import doctor
 from moveit6d.cli.main import main
 from moveit6d.errors import InputError, RenderingUnavailable, WeightsError
 
@@ -113,22 +112,3 @@ def test_the_help_loads_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-@pytest.mark.parametrize(
-    ("given", "forwarded"),
-    [
-        (["--config", "a.yaml", "--trainer.max_steps", "3"],) * 2,
-        (["--all_options"], ["--help"]),
-    ],
-)
-def test_fit_forwards_its_arguments(
-    given: list[str], forwarded: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    seen: list[list[str]] = []
-    stub = SimpleNamespace(main=seen.append)  # the real one takes long to import
-    monkeypatch.setitem(sys.modules, "lightning_modules", SimpleNamespace(cli=stub))
-    monkeypatch.setitem(sys.modules, "lightning_modules.cli", stub)
-    assert main(["fit", *given]) == 0
-    assert seen == [forwarded]
-    assert fit.forward([]) == 0

@@ -13,6 +13,7 @@ from moveit6d.cli.main import main, make_parser
 from moveit6d.cli.messages import is_verbose
 from moveit6d.errors import InputError
 
+NEEDED = {"doctor": [], "evaluate": ["--dataset", "d", "--split", "s", "--results", "r"]}
 TRACK = ["--mesh", "m.ply", "--video", "v", "--camera", "c", "--start", "s", "--output", "o"]
 
 
@@ -58,6 +59,19 @@ def test_a_typing_error_is_one_sentence(
     assert ended.value.code == 2 and said in line
     verb = [word for word in words[:2] if word in ("track", "doctor", "evaluate", "bop")]
     assert line.endswith(f"See {' '.join(['moveit6d', *verb])} --help.")
+
+
+@pytest.mark.parametrize("verb", [["doctor"], ["evaluate", "bop"]])
+def test_how_much_is_said_may_stand_before_the_verb_or_behind_it(
+    verb: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    for words in ([], ["--quiet"], ["-v"]):
+        before = make_parser().parse_args([*words, *verb, *NEEDED[verb[0]]])
+        behind = make_parser().parse_args([*verb, *words, *NEEDED[verb[0]]])
+        assert vars(before) == vars(behind)
+    with pytest.raises(SystemExit):
+        main(["-q", *verb, "-v", *NEEDED[verb[0]]])
+    assert "not allowed with argument -q" in capsys.readouterr().err
 
 
 def test_quiet_and_verbose(

@@ -15,6 +15,7 @@ from PIL import Image
 
 from moveit6d.cli import refine
 from moveit6d.cli.main import main
+from moveit6d.config import LoopConfig
 from moveit6d.datasets.bop import BopDataset, Estimate, read_results, write_results
 from moveit6d.estimation import estimator
 from moveit6d.estimation.localizability import localizability
@@ -112,9 +113,10 @@ def test_poses_get_better_and_keep_their_order(
             after.object,
         )
         assert float(add(after.pose, scene.pose(0), points)) < 0.003
+        # The oracle is confident.
         likely = localizability(
-            scene.mesh.inner(scene.pose(0)), scene.mesh, scene.camera
-        )  # the oracle is confident
+            scene.mesh.inner(scene.pose(0)), scene.mesh, scene.camera, LoopConfig().width_error
+        )
         assert after.score == pytest.approx(likely, abs=0.01) and 0.5 < likely < 0.9
     seconds = [row.seconds for row in refined]
     assert seconds[0] == seconds[2] > 0 and seconds[1] == seconds[4], "one time an image"
@@ -246,9 +248,10 @@ def test_a_damaged_image_and_a_pose_out_of_sight_keep_what_was_given(
     for n in (0, 3):
         assert refined[n].score == 0.0
         np.testing.assert_allclose(refined[n].pose.translation, rows[n].pose.translation, atol=1e-9)
+    # The oracle is confident.
     likely = localizability(
-        scene.mesh.inner(scene.pose(0)), scene.mesh, scene.camera
-    )  # the oracle is confident
+        scene.mesh.inner(scene.pose(0)), scene.mesh, scene.camera, LoopConfig().width_error
+    )
     assert [refined[n].score for n in (1, 2, 4)] == pytest.approx([likely] * 3, abs=0.01)
     said = capsys.readouterr()
     assert "behind the camera" in said.err and "not a readable image" in said.err

@@ -24,12 +24,32 @@ def test_without_options_it_is_the_base() -> None:
     assert parsed(base=PAPER_CONFIG) is PAPER_CONFIG
 
 
-def test_every_field_has_an_option() -> None:
+def test_every_field_has_an_option_that_reads_its_value() -> None:
+    words: list[str] = []
     for name, _, _, value in fields_of(TrackerConfig()):
         text = str(value).lower() if isinstance(value, bool) else str(value)
         if isinstance(value, tuple):
             text = text.replace("(", "[").replace(",)", "]").replace(")", "]")
-        assert parsed(f"--{name}", "null" if value is None else text) == TrackerConfig(), name
+        words += [f"--{name}", "null" if value is None else text]
+    assert len(words) > 100 and parsed(*words) == TrackerConfig()
+    # Read against other defaults the values are the options' own.
+    assert parsed(*words, base=PAPER_CONFIG) == TrackerConfig()
+
+
+def test_help_shows_what_is_wanted_often_and_all_options_everything(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    often = {"--low_confidence", "--max_iterations", "--no_contour", "--all_options"}
+    for option, shown in (("--help", False), ("--all_options", True)):
+        parser = argparse.ArgumentParser(prog="track")
+        add_settings(parser)
+        with pytest.raises(SystemExit) as ended:
+            parser.parse_args([option])
+        text = capsys.readouterr().out
+        assert ended.value.code == 0 and all(word in text for word in often)
+        names = [name for name, *_ in fields_of(TrackerConfig())]
+        assert all(f"--{name} " in text for name in names) == shown
+        assert len(text.partition("\n\n")[0].splitlines()) < 20, "the usage stays short"
 
 
 def test_options_change_one_setting_each() -> None:

@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -19,49 +15,11 @@ import pytest
 import torch
 from PIL import Image
 
-from moveit6d.cli.main import main
 from moveit6d.datasets.pose_files import TRACK_COLUMNS, read_poses
 from moveit6d.evaluation.metrics import add
-from moveit6d.geometry.pose import Pose
+from tests.support.clip import Clip
 
 Make = Callable[..., Any]
-
-
-@pytest.fixture
-def clip(make_sequence: Make, scene: Any, use_oracle: Callable[..., None], tmp_path: Path) -> Clip:
-    """A still brick, five frames, a start that is a little off, and a policy that knows better."""
-    made = make_sequence("clip", frames=5, still=True)
-    true = made.poses[0]
-    off = torch.tensor([0.003, -0.002, 0.008], dtype=torch.float64)
-    Pose(true.rotation, true.translation + off).save(made.folder / "start.json")
-    use_oracle(scene.mesh, true)
-    return Clip(made.folder, tmp_path / "out", true)
-
-
-class Clip:
-    """A sequence folder and the command that tracks it."""
-
-    def __init__(self, folder: Path, output: Path, true: Pose) -> None:
-        self.folder, self.output, self.true = folder, output, true
-
-    def track(self, *more: str, **changes: str) -> int:
-        """Run the command, with options changed."""
-        options = {
-            "mesh": str(self.folder / "mesh.ply"),
-            "mesh_unit": "m",
-            "video": str(self.folder / "frames"),
-            "camera": str(self.folder / "camera.json"),
-            "start": str(self.folder / "start.json"),
-            "output": str(self.output),
-            **changes,
-        }
-        words = [word for key, value in options.items() for word in (f"--{key}", value)]
-        return main(["track", *words, *more])
-
-    def summary(self) -> dict[str, Any]:
-        """What summary.json says."""
-        found: dict[str, Any] = json.loads((self.output / "summary.json").read_text())
-        return found
 
 
 def frames_in(path: Path) -> int:
@@ -98,39 +56,6 @@ def test_no_overlay_leaves_it_out(clip: Clip) -> None:
     assert clip.track("--no_overlay", "--max_iterations", "1", "--threads", "1") == 0
     assert not (clip.output / "overlay.mp4").exists()
     assert {row.iterations for row in read_poses(clip.output / "poses.csv")} == {1}
-
-
-def test_a_report_is_written_and_after_ctrl_c_too(
-    clip: Clip, tmp_path: Path, interrupt_update: Callable[[int], None]
-) -> None:
-    (clip.folder / "frames" / "000001.png").write_bytes(b"\x89PNG broken")
-    page = tmp_path / "page" / "report.html"
-    assert clip.track("--no_overlay", "--report", str(page)) == 0
-    text = page.read_text()
-    assert "5 frames, 1 without a pose" in text and "not a readable image" in text
-    assert text.count("<tr ") == 5 and text.count("data:image/jpeg") == 10
-
-    interrupt_update(3)
-    assert clip.track("--no_overlay", "--report", str(page)) == 130
-    assert "3 frames, 1 without a pose" in page.read_text()
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_a_log_for_rerun_is_written(clip: Clip, tmp_path: Path) -> None:
-    pytest.importorskip("rerun")
-    assert clip.track("--no_overlay", "--rerun", str(tmp_path / "run.rrd")) == 0
-    assert (tmp_path / "run.rrd").stat().st_size > 10_000
-
-
-def test_a_camera_allows_no_report(
-    clip: Clip, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
-) -> None:
-    from moveit6d.datasets import video
-
-    camera = video.LiveCamera.__new__(video.LiveCamera)
-    monkeypatch.setattr(video, "open_frames", lambda source: camera)
-    assert clip.track("--report", str(tmp_path / "report.html"), video="0") == 2
-    assert "record it first" in capsys.readouterr().err
 
 
 def test_a_bad_frame_keeps_its_row_and_the_track_goes_on(clip: Clip, capsys: Any) -> None:
@@ -309,65 +234,3 @@ def test_bad_weights_are_one_sentence(
     said = capsys.readouterr().err
     assert "w.safetensors" in said and len(said.splitlines()) == 1
     assert not clip.output.exists()
-
-
-def test_a_track_is_gone_on_with(
-    clip: Clip, interrupt_update: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context():
-        interrupt_update(3)
-        assert clip.track() == 130
-    monkeypatch.undo()
-    before = (clip.output / "poses.csv").read_text()
-    assert clip.track("--resume", "--exact_start") == 2, "begun without --exact_start"
-    assert clip.track("--resume") == 0
-    assert (clip.output / "poses.csv").read_text().startswith(before)
-    rows = read_poses(clip.output / "poses.csv")
-    assert [row.frame for row in rows] == [0, 1, 2, 3, 4]
-    assert frames_in(clip.output / "overlay_000002.mp4") == 3
-    assert clip.summary()["frames"] == 5 and clip.summary()["interrupted"] is False
-    assert clip.track("--resume") == 0, "nothing is left to do"
-    assert len(read_poses(clip.output / "poses.csv")) == 5
-
-
-SLOW = """
-import signal, sys, time
-signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it would stay ignored
-from moveit6d.cli.main import main
-from moveit6d.estimation import PoseTracker
-update = PoseTracker.update
-def slowly(self, image):
-    time.sleep(0.3)
-    return update(self, image)
-PoseTracker.update = slowly
-sys.exit(main(sys.argv[1:]))
-"""
-
-
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
-def test_signals_keep_what_was_done(make_sequence: Make, tmp_path: Path, number: int) -> None:
-    made = make_sequence("clip", frames=5, still=True)
-    made.poses[0].save(made.folder / "start.json")
-    words = ["track", "--mesh", "mesh.ply", "--mesh_unit", "m", "--video", "frames",
-             "--camera", "camera.json", "--start", "start.json", "--no_overlay",
-             "--no_multi_start", "--no_contour", "--output", str(tmp_path / "out")]  # fmt: skip
-    process = subprocess.Popen(
-        [sys.executable, "-c", SLOW, *words], cwd=made.folder, stderr=subprocess.PIPE, text=True
-    )
-    table = tmp_path / "out" / "poses.csv"
-    deadline = time.monotonic() + 120
-    while process.poll() is None and time.monotonic() < deadline:
-        if table.is_file() and len(read_poses(table)) >= 2:  # it can be read while it is written
-            process.send_signal(number)
-            break
-        time.sleep(0.02)
-    said = process.communicate(timeout=60)[1]
-    assert 2 <= len(read_poses(table)) < 5
-    if number == signal.SIGKILL:
-        assert process.returncode == -signal.SIGKILL
-        return
-    assert process.returncode == 128 + number
-    assert said.strip().endswith("what was finished is kept.") and "Traceback" not in said
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert summary["interrupted"] is True
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"poses.csv", "summary.json"}

@@ -4,6 +4,8 @@ import numpy as np
 
 from moveit6d.contour.extraction import find_contour
 
+BLUR = 2.0  # pixels
+
 
 def disc(radius: float, x: float = 63.2, y: float = 62.9) -> np.ndarray:
     row, column = np.mgrid[:128, :128]
@@ -11,7 +13,7 @@ def disc(radius: float, x: float = 63.2, y: float = 62.9) -> np.ndarray:
 
 
 def test_a_disc_has_its_radius_and_its_normals() -> None:
-    found = find_contour(disc(30.0), 200)
+    found = find_contour(disc(30.0), 200, BLUR)
     assert found is not None and 190 <= len(found.points) <= 200
     arms = found.points - (63.2, 62.9)
     radius = np.linalg.norm(arms, axis=1)
@@ -24,7 +26,7 @@ def test_a_disc_has_its_radius_and_its_normals() -> None:
 
 
 def test_a_hole_has_an_outline_too() -> None:
-    found = find_contour(disc(40.0) & ~disc(15.0), 400)
+    found = find_contour(disc(40.0) & ~disc(15.0), 400, BLUR)
     assert found is not None
     arms = found.points - (63.2, 62.9)
     inner = np.linalg.norm(arms, axis=1) < 25
@@ -36,7 +38,7 @@ def test_lengths_make_up_for_oblique_outlines() -> None:
     diamond = np.abs(row - 64) + np.abs(column - 64) < 40  # only oblique sides
     square = (np.abs(row - 64) < 30) & (np.abs(column - 64) < 30)
     halves = np.where(column < 64, diamond, square)
-    found = find_contour(halves, 4000)
+    found = find_contour(halves, 4000, BLUR)
     assert found is not None
     left = found.lengths[found.points[:, 0] < 60].sum() / found.lengths.sum()
     expected = 2 * 40 * 2**0.5 / (2 * 40 * 2**0.5 + 60 + 2 * 30 + 2 * 10)
@@ -44,5 +46,5 @@ def test_lengths_make_up_for_oblique_outlines() -> None:
 
 
 def test_nothing_has_no_outline() -> None:
-    assert find_contour(np.zeros((128, 128), bool), 200) is None
-    assert find_contour(np.ones((128, 128), bool), 200) is None
+    assert find_contour(np.zeros((128, 128), bool), 200, BLUR) is None
+    assert find_contour(np.ones((128, 128), bool), 200, BLUR) is None

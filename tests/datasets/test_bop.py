@@ -13,17 +13,9 @@ from PIL import Image as Pillow
 
 from moveit6d.datasets.bop import (
     BopDataset,
-    Estimate,
-    by_image,
     read_results,
-    write_results,
 )
 from moveit6d.errors import InputError
-from moveit6d.geometry.pose import Pose
-from moveit6d.geometry.rotation import exp_so3
-
-HEAD = "scene_id,im_id,obj_id,score,R,t,time\n"
-EYE = "1 0 0 0 1 0 0 0 1"
 
 
 @pytest.fixture
@@ -99,47 +91,6 @@ def test_a_data_set_without_models_is_said(root: Path) -> None:
     shutil.rmtree(root / "models")
     with pytest.raises(InputError, match=r"has no models: looked for obj_000001\.ply"):
         BopDataset(root, "test").mesh(5)
-
-
-def test_results_come_back_in_order_and_in_metres(tmp_path: Path) -> None:
-    pose = Pose(
-        exp_so3(torch.tensor([0.3, -2.0, 0.4], dtype=torch.float64)),
-        torch.tensor([0.0123456789, -0.2, 1.5], dtype=torch.float64),
-    )
-    rows = [
-        Estimate(2, 17, 5, 0.25, pose),
-        Estimate(2, 3, 6, 0.75, pose, 0.5),
-        Estimate(2, 17, 1, 1.0, pose, 0.125),
-    ]
-    path = tmp_path / "out" / "refined.csv"
-    write_results(path, rows)
-    text = path.read_text().splitlines()
-    assert text[0] + "\n" == HEAD and text[1].endswith("12.3456789 -200 1500,-1")
-    back = read_results(path)
-    for old, new in zip(rows, back, strict=True):
-        assert (old.scene, old.image, old.object) == (new.scene, new.image, new.object)
-        assert (old.score, old.seconds) == (new.score, new.seconds)
-        torch.testing.assert_close(new.pose.matrix, pose.matrix, rtol=0, atol=1e-9)
-    assert list(by_image(back)) == [((2, 17), [0, 2]), ((2, 3), [1])]
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("", "its first line must be scene_id"),
-        (HEAD, "holds no estimate"),
-        (HEAD + f"2,3,5,1,{EYE},0 0 900\n", "row 1: 7 fields expected, found 6"),
-        (HEAD + f"2,3,5,1,{EYE},0 0 900,-1\n2,3,5,1,1 0 0,0 0 900,-1\n", "row 2: R must have 9"),
-        (HEAD + f"2,x,5,1,{EYE},0 0 900,-1\n", "row 1: could not convert"),
-        (HEAD + f"2,3,5,nan,{EYE},0 0 900,-1\n", "row 1: the score must be a finite number"),
-        (HEAD + f"2,3,5,1,{EYE},0 0 nan,-1\n", "row 1: t must be a finite number"),
-        (HEAD + "2,3,5,1,1 0 0 0 1 0 0 0 -1,0 0 900,-1\n", "row 1: the rotation is left-handed"),
-    ],
-)
-def test_a_bad_result_file_names_its_row(tmp_path: Path, text: str, words: str) -> None:
-    (tmp_path / "poses.csv").write_text(text)
-    with pytest.raises(InputError, match=words):
-        read_results(tmp_path / "poses.csv")
 
 
 def test_the_shared_linemod_split_is_read(shared: Path) -> None:

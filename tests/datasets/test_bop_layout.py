@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from moveit6d.datasets.bop import BopDataset, read_results
+from moveit6d.datasets.bop import BopDataset
 from moveit6d.datasets.bop_layout import image_files, model_file, scene_folders
 from moveit6d.errors import InputError
 from tests.support.malformed import good_files
@@ -90,15 +90,6 @@ def test_padded_names_and_ply_files_come_first(tmp_path: Path) -> None:
         (tmp_path / name).touch()
     assert model_file(tmp_path, 2) == tmp_path / "obj_000002.ply"
     assert model_file(tmp_path, 9) is None
-
-
-@pytest.mark.parametrize("head", ["", "scene_id,im_id,obj_id,score,R,t,time\n", "\ufeff"])
-@pytest.mark.parametrize("numbers", ["1,0,2", "1.0,0.0,2.0", "000001,000000,000002"])
-def test_results_with_and_without_header(tmp_path: Path, head: str, numbers: str) -> None:
-    (tmp_path / "r.csv").write_text(f"{head}{numbers},0.5,1 0 0 0 1 0 0 0 1,0 0 400,-1\n")
-    (row,) = read_results(tmp_path / "r.csv")
-    assert (row.scene, row.image, row.object, row.score) == (1, 0, 2, 0.5)
-    assert row.pose.translation.tolist() == [0, 0, 0.4]
 
 
 def test_colours_of_a_model_are_shown(root: Path) -> None:

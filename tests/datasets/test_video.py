@@ -22,7 +22,6 @@ from moveit6d.datasets.video import (
     Prefetched,
     VideoFrame,
     open_frames,
-    read_image,
 )
 from moveit6d.errors import InputError
 
@@ -71,19 +70,6 @@ def test_one_bad_image_does_not_stop_the_others(tmp_path: Path) -> None:
     frames = list(open_frames(tmp_path))
     assert [frame.image is None for frame in frames] == [False, True, False]
     assert frames[1].error is not None and "1.jpg is not a readable image" in frames[1].error
-
-
-def test_grey_and_deep_images_become_rgb_bytes(tmp_path: Path) -> None:
-    ramp = np.arange(48 * 64).reshape(48, 64)
-    Pillow.fromarray((ramp % 256).astype(np.uint8)).save(tmp_path / "grey.png")
-    np.testing.assert_array_equal(read_image(tmp_path / "grey.png")[..., 2], ramp % 256)
-    Pillow.fromarray((ramp * 20).astype(np.uint16)).save(tmp_path / "deep.png")
-    deep = read_image(tmp_path / "deep.png")
-    assert deep.dtype == np.uint8 and deep.shape == (48, 64, 3)
-    np.testing.assert_allclose(deep[..., 1], ramp * 20 / 257, atol=1)
-    alpha = np.dstack([picture(0), np.full((48, 64), 7, np.uint8)])
-    Pillow.fromarray(alpha).save(tmp_path / "alpha.png")
-    np.testing.assert_array_equal(read_image(tmp_path / "alpha.png"), picture(0))
 
 
 def test_a_video_gives_all_frames_in_rgb(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from moveit6d.estimation import StopReason, TrackingResult
-from moveit6d.estimation.localizability import LIMIT, WIDTH_ERROR, localizability
+from moveit6d.estimation.localizability import LIMIT, localizability
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -13,6 +13,9 @@ from moveit6d.geometry.pose import Pose
 
 def at(distance: float) -> Pose:
     return Pose(torch.eye(3).double(), torch.tensor([0, 0, distance], dtype=torch.float64))
+
+
+WIDTH_ERROR = 1.5  # pixels
 
 
 @pytest.mark.parametrize(("focal", "distance"), [(600.0, 1.2), (600.0, 0.8), (1800.0, 1.2)])
@@ -25,17 +28,20 @@ def test_it_is_the_share_of_drawn_width_errors_that_keep_the_depth(
     error = np.abs(focal * brick.diameter / drawn - distance)
     share = (error < LIMIT * brick.diameter).mean()
     centred = at(distance)
-    assert localizability(centred, brick, camera) == pytest.approx(share, abs=0.01)
+    assert localizability(centred, brick, camera, WIDTH_ERROR) == pytest.approx(share, abs=0.01)
 
 
 def test_near_objects_and_long_lenses_say_more(brick: Mesh) -> None:
     camera = Camera(600, 600, 319.5, 239.5, 640, 480)
     long = Camera(1200, 1200, 319.5, 239.5, 640, 480)
-    chances = [localizability(at(z), brick, camera) for z in (0.5, 1.0, 2.0, 4.0, 50.0)]
+    chances = [
+        localizability(at(z), brick, camera, WIDTH_ERROR) for z in (0.5, 1.0, 2.0, 4.0, 50.0)
+    ]
     assert chances == sorted(chances, reverse=True)
     assert chances[0] > 0.999
     assert 0 < chances[-1] < 0.05
-    assert localizability(at(2.0), brick, long) > chances[2]
+    assert localizability(at(2.0), brick, long, WIDTH_ERROR) > chances[2]
+    assert localizability(at(2.0), brick, camera, 2 * WIDTH_ERROR) < chances[2]
 
 
 def test_a_score_is_no_higher_than_either_of_its_parts() -> None:

@@ -12,6 +12,7 @@ from moveit6d.estimation.results import Start, StopReason
 from moveit6d.estimation.schedule import Schedule
 from moveit6d.frame import prepare_frame
 from moveit6d.geometry.camera import Camera
+from moveit6d.geometry.crop import PADDING, PATCH_SIZE
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 
@@ -76,6 +77,19 @@ def test_the_fine_stage_begins_near_the_object(
     schedule = Schedule(starts(brick, 0.0), loop, mode, None)
     advance(schedule, brick, [0.01], delta, [0.5])
     assert bool(schedule.fine[0]) == fine and float(schedule.scale[0]) == (2.0 if fine else 1.0)
+
+
+def test_a_pose_that_was_seen_before_ends_the_loop(brick: Mesh) -> None:
+    unit = brick.sphere_diameter * PADDING / PATCH_SIZE  # metres that an action unit is across
+    for limit, ended in ((0.5, True), (0.3, False)):
+        loop = LoopConfig(fine_stage=False, revisit_delta=limit)
+        schedule = Schedule(starts(brick, 0.0), loop, ActionMode.ALL_AXES, None)
+        for x, confidence in ((0.0, 0.9), (0.02, 0.5), (0.4 * unit, 0.6)):
+            advance(schedule, brick, [x], 9.0, [confidence])
+        assert (len(schedule.active) == 0) == ended
+        if ended:
+            found = schedule.results()[0]
+            assert found.stopped_by is StopReason.REVISITED and found.confidence > 0.8
 
 
 def test_without_the_fine_stage_no_start_is_in_it(brick: Mesh) -> None:

@@ -16,13 +16,13 @@ from moveit6d.estimation import (
     StopReason,
     TrackingResult,
 )
-from moveit6d.estimation.seed_detector import BATCH, Candidate, best_of, strongest
+from moveit6d.estimation.seed_detector import Candidate, best_of, strongest
 from moveit6d.estimation.seeding import Sink
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
-from moveit6d.policies import OraclePolicy
+from moveit6d.policies import BATCH_SIZE, OraclePolicy
 from tests.support.configs import limited
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
@@ -50,7 +50,7 @@ def test_an_oracle_is_found_without_a_start(brick: Mesh, criterion: SelectionCri
     """With a policy that knows the way, seeds, sink and grid end at the truth."""
     turn = random_rotations(1, torch.Generator().manual_seed(3))[0]
     truth = Pose(turn, torch.tensor([0.06, -0.02, 0.75], dtype=torch.float64))
-    many = Pose(turn.expand(BATCH, 3, 3), truth.translation.expand(BATCH, 3))
+    many = Pose(turn.expand(BATCH_SIZE, 3, 3), truth.translation.expand(BATCH_SIZE, 3))
     policy = OraclePolicy(many, ActionMode.ALL_AXES)
     detector = SeedDetector(
         brick, CAMERA, config=replace(SMALL, criterion=criterion), policy=policy

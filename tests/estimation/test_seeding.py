@@ -5,12 +5,12 @@ import pytest
 import torch
 from scipy.ndimage import gaussian_filter
 
-from moveit6d.config import ActionMode
+from moveit6d.config import ActionMode, SeedDetectorConfig
 from moveit6d.errors import InputError
 from moveit6d.estimation.seeding import (
     SeedField,
     find_sinks,
-    planar_move,
+    planar_shift,
     seed_field,
     seed_grid,
     seed_poses,
@@ -70,6 +70,9 @@ def test_the_grid_covers_the_image_evenly() -> None:
     assert centres[0, 0].max() < 24
     few = seed_grid(CAMERA, 1000.0)
     assert min(few.shape[:2]) >= 3
+    assert spacing(seed_grid(CAMERA, 60.0, SeedDetectorConfig(spacing=0.5))) == pytest.approx(30.0)
+    dense = seed_grid(CAMERA, 1.0, SeedDetectorConfig(max_seeds=16))
+    assert dense.shape[1] == 16 and spacing(dense) == pytest.approx(20.0)
 
 
 def test_smoothing_is_a_gaussian_that_ignores_what_is_outside() -> None:
@@ -136,6 +139,6 @@ def test_single_actions_give_the_vector_by_their_odds() -> None:
     logits = torch.full((1, 13), -9.0)
     logits[0, 1], logits[0, 2] = 2.0, 1.0  # left, down
     prediction = PolicyOutput(logits, torch.ones(1, 6), torch.ones(1))
-    move = planar_move(prediction, ActionMode.SINGLE)[0]
-    assert move[0] < 0 < move[1] and abs(move[0] / move[1]) == pytest.approx(np.e, rel=1e-3)
-    assert planar_move(prediction, ActionMode.ALL_AXES).tolist() == [[1.0, 1.0]]
+    shift = planar_shift(prediction, ActionMode.SINGLE)[0]
+    assert shift[0] < 0 < shift[1] and abs(shift[0] / shift[1]) == pytest.approx(np.e, rel=1e-3)
+    assert planar_shift(prediction, ActionMode.ALL_AXES).tolist() == [[1.0, 1.0]]

@@ -173,7 +173,7 @@ def test_your_video_example_runs(
     folder = write_sequence(tmp_path / "clip", mesh=brick, seed=1, frames=2, difficulty="easy")
     start = Pose.load(folder / "start.json")
     oracle = OraclePolicy(Pose.stack([brick.inner(start)]))
-    monkeypatch.setattr("moveit6d.estimation.tracker.load_policy", lambda: oracle)
+    monkeypatch.setattr("moveit6d.estimation.inputs.load_policy", lambda: oracle)
     files = [folder / name for name in ("mesh.glb", "frames", "camera.json", "start.json")]
     track_my_video.main([str(file) for file in files])
     lines = capsys.readouterr().out.splitlines()
@@ -214,7 +214,7 @@ def test_ten_lines_track_a_made_clip(
 
     from moveit6d.policies import load_policy
 
-    monkeypatch.setattr("moveit6d.estimation.tracker.load_policy", lambda: load_policy(weights))
+    monkeypatch.setattr("moveit6d.estimation.inputs.load_policy", lambda: load_policy(weights))
     track_my_video.main([], frames=2)
     lines = capsys.readouterr().out.splitlines()
     assert [line.split(":")[0] for line in lines] == ["frame 0", "frame 1"]

@@ -8,24 +8,9 @@ from PIL import Image
 
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh, bounding_sphere, largest_distance, sphere_diameters
-from moveit6d.geometry.mesh_files.content import MeshPart
-from moveit6d.geometry.mesh_files.join import join
 from moveit6d.geometry.pose import Pose
 from tests.support import meshes
-
-TEXTURE = np.random.default_rng(0).integers(0, 255, (16, 8, 3), dtype=np.uint8)
-
-
-def textured(texture=TEXTURE, extents=(0.1, 0.06, 0.04), shift=(0, 0, 0)) -> trimesh.Trimesh:
-    vertices, faces, uv, _ = meshes.box_arrays(extents)
-    visual = trimesh.visual.TextureVisuals(uv=uv, image=Image.fromarray(texture))
-    return trimesh.Trimesh(vertices + np.array(shift), faces, visual=visual, process=False)
-
-
-def colored() -> trimesh.Trimesh:
-    vertices, faces, _, colors = meshes.box_arrays()
-    return trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False)
-
+from tests.support.trimeshes import TEXTURE, colored, textured
 
 # Files
 
@@ -68,17 +53,6 @@ def test_ply_with_a_named_texture_file(tmp_path):
     lines += ["3 " + " ".join(map(str, face)) for face in faces]
     (tmp_path / "box.ply").write_text("\n".join(lines) + "\n")
     np.testing.assert_array_equal(Mesh.load(tmp_path / "box.ply").texture, TEXTURE)
-
-
-def test_face_colours_stay_apart(tmp_path):
-    vertices = [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]]
-    faces, colors = [[0, 1, 2], [0, 2, 3]], [[255, 0, 0, 255], [0, 0, 255, 255]]
-    sheet = trimesh.Trimesh(vertices, faces, face_colors=colors, process=False)
-    sheet.export(tmp_path / "sheet.ply")
-    mesh = Mesh.load(tmp_path / "sheet.ply")
-    per_face = mesh.vertex_colors[mesh.faces]  # (2, 3, 3)
-    np.testing.assert_array_equal(per_face[0], [[255, 0, 0]] * 3)
-    np.testing.assert_array_equal(per_face[1], [[0, 0, 255]] * 3)
 
 
 def test_plain_material_colour_of_an_obj(tmp_path):
@@ -129,83 +103,6 @@ def test_sixteen_bit_and_transparent_textures(tmp_path):
         np.testing.assert_allclose(
             Mesh.load(tmp_path / "m.obj", allow_flat=True).texture, 200, atol=1
         )
-
-
-def test_a_scene_is_joined_with_its_transforms(tmp_path):
-    scene = trimesh.Scene()
-    scene.add_geometry(colored(), transform=trimesh.transformations.translation_matrix([0.2, 0, 0]))
-    scene.add_geometry(colored())
-    scene.export(tmp_path / "scene.glb")
-    mesh = Mesh.load(tmp_path / "scene.glb")
-    assert len(mesh.faces) == 24
-    in_file = mesh.vertices + mesh.center
-    np.testing.assert_allclose(in_file.min(0), [-0.05, -0.03, -0.02], atol=1e-6)
-    np.testing.assert_allclose(in_file.max(0), [0.25, 0.03, 0.02], atol=1e-6)
-
-
-def sampled(mesh: Mesh) -> np.ndarray:
-    """The texture's colour at each vertex, moved a little towards its face's middle."""
-    middle = mesh.uv[mesh.faces].mean(1, keepdims=True)
-    uv = (0.7 * mesh.uv[mesh.faces] + 0.3 * middle).reshape(-1, 2)
-    height, width = mesh.texture.shape[:2]
-    x, y = (uv[:, 0] * width).astype(int), ((1 - uv[:, 1]) * height).astype(int)
-    return mesh.texture[y, x].reshape(-1, 3, 3)
-
-
-def test_several_textures_are_packed_into_one(tmp_path):
-    red = np.full((8, 8, 3), (200, 0, 0), np.uint8)
-    blue = np.full((20, 6, 3), (0, 0, 200), np.uint8)
-    scene = trimesh.Scene([textured(red), textured(blue, shift=(0.2, 0, 0))])
-    scene.export(tmp_path / "two.glb")
-    mesh = Mesh.load(tmp_path / "two.glb")
-    left = (mesh.vertices + mesh.center)[mesh.faces][:, 0, 0] < 0.1
-    colors = sampled(mesh)
-    np.testing.assert_array_equal(np.unique(colors[left].reshape(-1, 3), axis=0), [[200, 0, 0]])
-    np.testing.assert_array_equal(np.unique(colors[~left].reshape(-1, 3), axis=0), [[0, 0, 200]])
-
-
-def test_parts_that_share_a_texture_keep_it_as_it_is():
-    vertices, faces, uv, _ = meshes.box_arrays()
-    part = MeshPart(vertices, faces, 3 * uv.astype(np.float32), TEXTURE)
-    joined = join([part, MeshPart(vertices + 1, faces, uv.astype(np.float32), TEXTURE.copy())])
-    np.testing.assert_array_equal(joined.texture, TEXTURE)
-    np.testing.assert_array_equal(joined.uv, np.concatenate([3 * uv, uv]).astype(np.float32))
-    np.testing.assert_array_equal(joined.faces, np.concatenate([faces, faces + 24]))
-
-
-def test_large_textures_are_reduced_to_fit_one_atlas():
-    vertices, faces, uv, _ = meshes.box_arrays()
-    parts = [
-        MeshPart(vertices, faces, uv.astype(np.float32), np.full((2048, 2048, 3), grey, np.uint8))
-        for grey in range(40, 45)
-    ]
-    joined = join(parts)
-    assert max(joined.texture.shape) <= 4096 + 100
-    assert set(np.unique(joined.texture)) >= set(range(40, 45))
-
-
-def test_an_obj_with_a_texture_and_a_plain_material(tmp_path):
-    Image.fromarray(np.full((8, 8, 3), (0, 200, 0), np.uint8)).save(tmp_path / "green.png")
-    (tmp_path / "m.mtl").write_text("newmtl a\nmap_Kd green.png\nnewmtl b\nKd 1 0 0\n")
-    (tmp_path / "m.obj").write_text(
-        "mtllib m.mtl\nv 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0.1 0.1 0\n"
-        "vt 0.1 0.1\nvt 0.9 0.1\nvt 0.1 0.9\nvt 0.9 0.9\n"
-        "usemtl a\nf 1/1 2/2 3/3\nusemtl b\nf 2/2 4/4 3/3\n"
-    )
-    mesh = Mesh.load(tmp_path / "m.obj")
-    colors = {tuple(color) for color in sampled(mesh).reshape(-1, 3)}
-    assert colors == {(0, 200, 0), (255, 0, 0)}
-
-
-def test_repeating_textures_of_several_materials_are_laid_out_in_the_atlas(tmp_path):
-    green = textured(np.full((8, 8, 3), (0, 200, 0), np.uint8))
-    green.visual.uv = green.visual.uv * 3.0
-    trimesh.Scene([green, textured(TEXTURE, shift=(0.2, 0, 0))]).export(tmp_path / "two.glb")
-    mesh = Mesh.load(tmp_path / "two.glb")
-    left = (mesh.vertices + mesh.center)[mesh.faces][:, 0, 0] < 0.1
-    colors = sampled(mesh)
-    np.testing.assert_array_equal(np.unique(colors[left].reshape(-1, 3), axis=0), [[0, 200, 0]])
-    assert len(np.unique(colors[~left].reshape(-1, 3), axis=0)) > 3
 
 
 # Frames and sizes
@@ -293,44 +190,6 @@ def test_meshes_are_equal_only_to_themselves():
 
 
 # Normals
-
-
-def test_normals_cross_a_seam_but_not_a_crease():
-    # Two coplanar triangles that share no vertex, and a third at a right angle.
-    vertices = 0.1 * np.array(
-        [
-            [0, 0, 0],
-            [1, 0, 0],
-            [0, 1, 0],
-            [1, 0, 0],
-            [1, 1, 0],
-            [0, 1, 0],
-            [0, 0, 0],
-            [0, 1, 0],
-            [0, 0, 1],
-        ]
-    )
-    mesh = Mesh.from_arrays("seam", vertices, [[0, 1, 2], [3, 4, 5], [6, 7, 8]])
-    np.testing.assert_allclose(mesh.corner_normals[0], [[0, 0, 1]] * 3, atol=1e-6)
-    np.testing.assert_allclose(mesh.corner_normals[2], [[1, 0, 0]] * 3, atol=1e-6)
-    np.testing.assert_allclose(mesh.normals[0], mesh.normals[6], atol=1e-6)  # merged by position
-    np.testing.assert_allclose(mesh.normals[4], [0, 0, 1], atol=1e-6)
-
-
-def test_normals_of_a_sphere_point_outwards():
-    mesh = meshes.sphere(subdivisions=4)
-    radial = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
-    cosine = (radial * mesh.normals).sum(1)
-    assert np.degrees(np.arccos(cosine.min().clip(-1, 1))) < 0.5
-    corner = (radial[mesh.faces] * mesh.corner_normals).sum(-1)
-    assert np.degrees(np.arccos(corner.min().clip(-1, 1))) < 0.5
-
-
-def test_both_sides_of_a_sheet_keep_their_normals():
-    vertices = 0.1 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]])
-    mesh = Mesh.from_arrays("sheet", vertices, [[0, 1, 2], [0, 2, 1]])
-    np.testing.assert_allclose(mesh.corner_normals[:, 0], [[0, 0, 1], [0, 0, -1]], atol=1e-6)
-    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-6)
 
 
 # Sampling

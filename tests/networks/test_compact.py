@@ -4,9 +4,9 @@ import pytest
 import torch
 from torch import nn
 
-from moveit6d.networks.compact import GREY, CompactConfig, CompactCorrelationNet
+from moveit6d.networks.compact import CompactConfig, CompactCorrelationNet
 from moveit6d.networks.inference import folded
-from moveit6d.observation import Observation
+from moveit6d.observation import GREY, Observation
 from moveit6d.synthesis.training.pairs import PairConfig, PairGenerator
 from tests.support.pairs import objects, photos
 

@@ -1,6 +1,5 @@
 """Ray casting against independent truths: OpenCV's projection and closed forms."""
 
-import gc
 import sys
 
 import cv2
@@ -8,25 +7,12 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d.errors import InputError, RenderingUnavailable
+from moveit6d.errors import RenderingUnavailable
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.rendering import attributes, embree
 from moveit6d.rendering.backends import make_renderer
 from tests.support import meshes
-
-RENDERER = make_renderer("embree")
-
-
-def draw(mesh, seed=None, size=128, **kwargs):
-    """The G-buffer of one mesh as arrays: albedo, normal (H, W, 3), depth, mask (H, W)."""
-    pose, intrinsics = meshes.view(mesh, seed, size=size, **kwargs)
-    return arrays(RENDERER.render([mesh], pose, intrinsics, size))
-
-
-def arrays(buffer):
-    albedo, normal = (x[0].permute(1, 2, 0).numpy() for x in (buffer.albedo, buffer.normal))
-    return albedo, normal, buffer.depth[0, 0].numpy(), buffer.mask[0, 0].numpy()
+from tests.support.drawing import RENDERER, arrays, checkerboard, draw
 
 
 def cv2_pixels(points, pose, intrinsics):
@@ -107,24 +93,6 @@ def test_pixel_zero_is_the_centre_of_the_top_left_pixel(edge, first):
     assert np.flatnonzero(mask.any(1))[0] == first
 
 
-def test_normals_of_a_sphere_are_the_closed_form_s():
-    mesh = meshes.sphere(0.05)
-    pose, intrinsics = meshes.view(mesh, seed=1, offset=(0.01, 0.02))
-    _, normal, depth, mask = arrays(RENDERER.render([mesh], pose, intrinsics))
-    grid = np.stack(np.meshgrid(np.arange(128), np.arange(128)), -1)
-    rays = (
-        np.concatenate([grid, np.ones((128, 128, 1))], -1) @ torch.inverse(intrinsics[0]).numpy().T
-    )
-    points = rays * depth[..., None]
-    expected = (points - pose.translation[0].numpy()) / 0.05
-    hit = mask > 0
-    cosine = (normal * expected).sum(-1)[hit] / np.linalg.norm(expected, axis=-1)[hit]
-    assert np.degrees(np.arccos(cosine.min().clip(-1, 1))) < 1.5  # facets of about 1.5 degrees
-    np.testing.assert_allclose(np.linalg.norm(normal[hit], axis=-1), 1, atol=1e-5)
-    assert ((normal * rays).sum(-1)[hit] < 1e-4).all()
-    assert (normal[~hit] == 0).all()
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_winding_does_not_matter(seed):
     vertices, faces, _, colors = meshes.box_arrays()
@@ -166,23 +134,7 @@ def test_colours_of_the_sides_of_a_box(axis, sign):
     np.testing.assert_allclose(normal[60:68, 60:68], [[(0, 0, -1)] * 8] * 8, atol=1e-6)
 
 
-def test_vertex_colours_are_interpolated():
-    colors = np.array([[0, 0, 0], [200, 0, 0], [200, 200, 0], [0, 200, 0]], np.uint8)
-    albedo, _, _, mask = draw(meshes.square(colors=colors))
-    rows, columns = np.nonzero(mask)
-    across = (columns - columns.min() + 0.5) / (np.ptp(columns) + 1)
-    down = (rows - rows.min() + 0.5) / (np.ptp(rows) + 1)
-    np.testing.assert_allclose(albedo[mask > 0][:, 0] * 255, 200 * across, atol=4)
-    np.testing.assert_allclose(albedo[mask > 0][:, 1] * 255, 200 * down, atol=4)
-
-
 # Textures
-
-
-def checkerboard(squares=8, texels=8):
-    """Random colours, one a square: (texture, colours (squares, squares, 3))."""
-    colors = np.random.default_rng(0).integers(0, 255, (squares, squares, 3), dtype=np.uint8)
-    return colors.repeat(texels, 0).repeat(texels, 1), colors
 
 
 @pytest.mark.parametrize("texels", [1, 8, 64])
@@ -210,56 +162,7 @@ def test_a_box_shows_the_texture_unmirrored_on_every_side(axis, sign):
     assert [(label - labels[0]) % 4 for label in labels] == [0, 1, 2, 3]
 
 
-def test_fine_textures_are_averaged_not_aliased():
-    texture = (np.indices((512, 512)).sum(0) % 2 * 255).astype(np.uint8)
-    albedo, _, _, mask = draw(meshes.square(texture=np.repeat(texture[..., None], 3, -1)), size=64)
-    np.testing.assert_allclose(albedo[mask > 0], 0.5, atol=0.02)
-
-
-def test_texels_that_no_face_uses_do_not_bleed_in():
-    texture = np.zeros((256, 256, 3), np.uint8)
-    texture[100:140, 20:90] = (200, 100, 50)
-    vertices, faces, _, _ = meshes.box_arrays()
-    chart = np.array([[20, 140], [90, 140], [90, 100], [20, 100]]) / 256 * (1, -1) + (0, 1)
-    mesh = Mesh.from_arrays("box", vertices, faces, uv=np.tile(chart, (6, 1)), texture=texture)
-    for size in (16, 128):
-        albedo, _, _, mask = draw(mesh, seed=3, size=size)
-        np.testing.assert_allclose(
-            albedo[mask > 0] * 255, [[200, 100, 50]] * int(mask.sum()), atol=3
-        )
-
-
-def test_textures_repeat_outside_of_the_unit_square():
-    texture, colors = checkerboard(2, 32)
-    vertices = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * 0.05
-    uv = np.array([[-1, 2], [1, 2], [1, 0], [-1, 0]])
-    mesh = Mesh.from_arrays("tiles", vertices, [[0, 2, 1], [0, 3, 2]], uv=uv, texture=texture)
-    albedo, _, _, mask = draw(mesh, size=512)  # more pixels than one lookup of OpenCV takes
-    rows, columns = np.nonzero(mask)
-    centre = ((np.arange(4) + 0.5) * (np.ptp(rows) + 1) / 4).astype(int)
-    seen = albedo[rows.min() + centre][:, columns.min() + centre] * 255
-    np.testing.assert_allclose(seen, np.tile(colors, (2, 2, 1)), atol=2)
-
-
 # Batches, odd cameras, odd poses
-
-
-def test_a_batch_is_its_parts():
-    parts = [meshes.colored_box(), meshes.l_shape(), meshes.colored_box()]
-    views = [meshes.view(mesh, seed, size=64) for seed, mesh in enumerate(parts)]
-    poses = Pose(
-        torch.cat([pose.rotation for pose, _ in views]),
-        torch.cat([pose.translation for pose, _ in views]),
-    )
-    whole = RENDERER.render(parts, poses, torch.cat([k for _, k in views]), 64)
-    assert whole.albedo.shape == whole.normal.shape == (3, 3, 64, 64)
-    assert whole.depth.shape == whole.mask.shape == (3, 1, 64, 64)
-    for b, (mesh, (pose, intrinsics)) in enumerate(zip(parts, views, strict=True)):
-        one = RENDERER.render([mesh], pose, intrinsics, 64)
-        for name in ("albedo", "normal", "depth", "mask"):
-            value = getattr(whole, name)
-            assert value.dtype == torch.float32 and value.is_contiguous()
-            torch.testing.assert_close(value[b], getattr(one, name)[0])
 
 
 def test_skewed_and_unequal_intrinsics():
@@ -309,27 +212,6 @@ def test_float32_and_gradients_are_accepted():
     assert not buffer.depth.requires_grad
     exact = RENDERER.render([mesh], pose, intrinsics)
     assert (buffer.mask != exact.mask).sum() <= 4
-
-
-def test_wrong_batches_are_refused():
-    mesh = meshes.colored_box()
-    pose, intrinsics = meshes.view(mesh)
-    with pytest.raises(InputError, match="2 meshes need 2 poses"):
-        RENDERER.render([mesh, mesh], pose, intrinsics)
-    with pytest.raises(InputError, match=r"intrinsics \(1, 3, 3\)"):
-        RENDERER.render([mesh], pose, intrinsics[0])
-    with pytest.raises(InputError, match="size"):
-        RENDERER.render([mesh], pose, intrinsics, size=0)
-
-
-def test_what_is_built_for_a_mesh_goes_with_it():
-    mesh = meshes.colored_box()
-    draw(mesh)
-    assert mesh in embree._TREES and mesh in attributes._KEPT
-    before = len(embree._TREES), len(attributes._KEPT)
-    del mesh
-    gc.collect()
-    assert len(embree._TREES) < before[0] and len(attributes._KEPT) < before[1]
 
 
 def test_a_missing_embreex_is_named(monkeypatch):

@@ -12,6 +12,10 @@ from typing import Any
 
 import numpy as np
 
+# Half a turn about z around a point beside the origin.
+TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
+TURN[:3, 3] = (0.06, -0.02, 0.0)
+
 
 def read_estimates(path: Path) -> dict[tuple[int, int, int], list[tuple[float, Any, Any]]]:
     """(score, R, t) by (scene, image, object), best first."""

@@ -63,7 +63,7 @@ def good_files() -> Iterator[tuple[str, str, dict[str, bytes], list[str]]]:
     yield "ply", "mesh", {"box.ply": _binary_ply()}, ["box.ply"]
     yield "off", "mesh", {"box.off": _off()}, ["box.off"]
     yield "stl", "mesh", {"box.stl": _stl()}, ["box.stl"]
-    from tests.geometry.mesh_files.test_others import dae
+    from tests.support.collada_files import dae
 
     yield "dae", "mesh", {"box.dae": dae().encode(), "skin.png": picture}, ["box.dae"]
     symmetric = {"symmetries_discrete": [np.diag([-1.0, -1, 1, 1]).reshape(-1).tolist()],
@@ -205,7 +205,7 @@ def _gltf() -> bytes:
 
 
 def _ply() -> bytes:
-    from tests.geometry.mesh_files.test_others import textured_ply
+    from tests.support.ply_files import textured_ply
 
     return textured_ply().encode()
 

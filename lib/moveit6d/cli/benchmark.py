@@ -29,16 +29,16 @@ DESCRIPTION = """\
   moveit6d benchmark recovery   loses objects and finds them again
   moveit6d benchmark motion     counts iterations by how fast an object moves
   moveit6d benchmark refinement   refines rendered objects from starts of a known distance
-  moveit6d benchmark iteration    times the parts of one iteration: crop, render, network, move
+  moveit6d benchmark iteration    times the parts of one iteration: crop, render, predict, update
   moveit6d benchmark oracle     proves the loop with a policy that knows the truth
 """
 
 ORACLE = """\
-Runs the loop from random starts of the paper's five clusters on three made objects, with a
+Runs the loop from random starts of the paper's five clusters on three procedural objects, with a
 policy that knows the true pose, and prints how far from it the loops end: under half a step
 on every axis if crop, rendering, updates and stop rules are right. About one loop in a thousand
 of single steps ends by oscillation instead, a few thousandths of a step farther away, because
-turns do not commute. No weights are used.
+rotations do not commute. No weights are used.
 """
 
 ORACLE_EXAMPLES = """\
@@ -48,7 +48,7 @@ examples:
 """
 
 REFINEMENT = """\
-Renders every object of a folder at random poses before photos, takes the pose away by the
+Renders every object of a folder at random poses in front of photos, perturbs the pose by the
 units of one of the paper's clusters on all six axes, refines, and prints the share of cases
 with ADD below 2, 5 and 10 % of the diameter before and after, and how many iterations it took.
 """
@@ -106,7 +106,7 @@ def add_parser(verbs: Any) -> None:
     two = add_verb(
         kinds, "iteration", "time the parts of one iteration", ITERATION, ITERATION_EXAMPLES
     )
-    two.add_argument("--mesh", type=Path, metavar="FILE", help="object instead of a made one")
+    two.add_argument("--mesh", type=Path, metavar="FILE", help="object instead of a procedural one")
     two.add_argument("--mesh_unit", choices=UNITS, default="m", help="the mesh's unit")
     two.add_argument("--repeats", type=positive, default=100, metavar="N", help="iterations")
     two.add_argument("--weights", type=Path, metavar="FILE", help="weights instead of the shipped")

@@ -37,7 +37,7 @@ examples:
 
 
 MOTION = """\
-Tracks one object, made by the library if no --mesh is given, in made sequences of increasing speed,
+Tracks one object, procedural if no --mesh is given, in synthetic sequences of increasing speed,
 and prints how many iterations a frame takes: a still object costs one.
 """
 

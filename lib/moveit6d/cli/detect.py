@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..config import SeedDetectorConfig
 from ..errors import InputError
 from .camera_options import add_camera_options, camera_of
 from .common import (
@@ -29,6 +30,7 @@ from .common import (
     weights_facts,
 )
 from .messages import progress
+from .seed_options import add_seed_options, seeds_of
 
 if TYPE_CHECKING:
     from ..datasets.pose_files import PoseRow
@@ -95,7 +97,7 @@ def add_parser(verbs: Any) -> None:
         help="templates compares with the object seen from all sides; seeds is the paper's way, "
         "by where single iterations lead: one image, no narrowing, minutes",
     )
-    _add_seed_options(parser)
+    add_seed_options(parser, SeedDetectorConfig())
     add_tracking_options(parser)
     add_untextured_option(parser)
     parser.set_defaults(run=run)
@@ -128,28 +130,6 @@ def add_narrowing_options(parser: argparse.ArgumentParser) -> None:
         help="metres from the camera to the object",
     )
     known.add_argument("--start", type=Path, metavar="FILE", help="a pose that is roughly right")
-
-
-def _add_seed_options(parser: argparse.ArgumentParser) -> None:
-    """Of the paper's own way."""
-    seeds = parser.add_argument_group("method seeds")
-    seeds.add_argument(
-        "--criterion",
-        choices=("confidence", "iterations"),
-        default="confidence",
-        help="chooses the best candidate: the network's confidence, or the fewest iterations",
-    )
-    seeds.add_argument(
-        "--sizes",
-        type=float,
-        nargs="+",
-        default=[0.13, 0.2, 0.3],
-        metavar="SHARE",
-        help="widths of the object to try, in shares of the image's shorter side",
-    )
-    seeds.add_argument("--rotations", type=int, default=60, metavar="N", help="of the grid")
-    seeds.add_argument("--sinks", type=int, default=3, metavar="N", help="places looked into")
-    seeds.add_argument("--seed", type=int, default=0, metavar="N", help="of the seeded poses")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -217,6 +197,7 @@ def _detect_images(args: argparse.Namespace) -> int:
         ],
         **weights_facts(args.weights),
         "versions": versions(),
+        "config": detector.settings.as_dict(),
         "arguments": given(args),
     }
     write_json(output / "detection.json", facts)
@@ -278,21 +259,13 @@ def _draw(path: Path, frame: VideoFrame, poses: Sequence[Pose], detector: PoseDe
 
 def _detector(args: argparse.Namespace, mesh: Mesh, camera: Camera) -> PoseDetector:
     """By the options."""
-    from ..estimation import PoseDetector, SeedDetectorConfig, TemplateStore
+    from ..estimation import PoseDetector, TemplateStore
     from ..estimation.detection import default_store
 
     if args.method == "seeds" and len(args.image) > 1:
         raise InputError("--method seeds takes one --image.")
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
-    seeds = SeedDetectorConfig(
-        sizes=tuple(args.sizes),
-        sinks=args.sinks,
-        rotations=args.rotations,
-        seed=args.seed,
-        criterion=args.criterion,
-        loop=setting.config.loop,
-    )
     return PoseDetector(
         mesh,
         camera,
@@ -300,7 +273,7 @@ def _detector(args: argparse.Namespace, mesh: Mesh, camera: Camera) -> PoseDetec
         renderer=renderer,
         config=setting.config,
         method=args.method,
-        seeds=seeds,
+        seeds=seeds_of(args, SeedDetectorConfig(), setting.config.loop),
         store=TemplateStore(default_store()),
         threads=setting.threads,
     )

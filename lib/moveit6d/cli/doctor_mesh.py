@@ -26,16 +26,7 @@ def run(path: Path, unit: Unit | None, output: Path | None) -> int:
     surface, content = read_mesh_file(path, allow_untextured=True)
     points = surface.vertices[np.unique(surface.faces)]
     chosen, why = _unit(np.ptp(points, axis=0).max(), content, unit)
-    mesh = Mesh.from_arrays(
-        str(path),
-        surface.vertices,
-        surface.faces,
-        uv=surface.uv,
-        texture=surface.texture,
-        vertex_colors=surface.colors,
-        unit=chosen,
-        symmetries=symmetries_beside(path),
-    )
+    mesh = Mesh.from_surface(str(path), surface, chosen, symmetries_beside(path))
     extent = np.ptp(mesh.vertices.astype(np.float64), axis=0)
     lines = [
         ("file", f"{path}, {path.stat().st_size:,} bytes"),

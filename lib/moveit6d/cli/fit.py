@@ -11,10 +11,8 @@ from typing import Any
 
 from ..extras import require
 from .common import add_verb
-from .messages import set_level
+from .messages import QUIETLY, VERBOSELY, set_level
 from .parser import spelt
-
-QUIETLY, VERBOSELY = ("-q", "--quiet"), ("-v", "--verbose")
 
 DESCRIPTION = """\
 Trains a network by a configuration file on pairs that are rendered as training goes on. Every

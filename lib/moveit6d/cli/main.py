@@ -5,6 +5,8 @@ Never computes anything; imports nothing heavy before a verb runs.
 
 from __future__ import annotations
 
+import argparse
+import itertools
 import os
 import sys
 import traceback
@@ -35,7 +37,14 @@ from .common import (
     NO_RENDERING,
     ManualFormatter,
 )
-from .messages import is_verbose, set_level, warnings_as_notes
+from .messages import (
+    QUIETLY,
+    VERBOSELY,
+    add_message_options,
+    is_verbose,
+    set_level,
+    warnings_as_notes,
+)
 from .parser import Parser
 from .signals import Terminated, ending_like_ctrl_c
 
@@ -65,6 +74,7 @@ def make_parser() -> Parser:
         formatter_class=ManualFormatter,
     )
     parser.add_argument("--version", action="version", version=f"moveit6d {__version__}")
+    add_message_options(parser)
     verbs = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
     shown = (
         track,
@@ -89,11 +99,22 @@ def make_parser() -> Parser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code. `arguments` default to the process's own."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    if given[:1] == ["fit"] and given[1:] not in (["--help"], ["-h"]):
-        return guarded(lambda: fit.forward(given[1:]))
-    args = make_parser().parse_args(given)
-    set_level(getattr(args, "quiet", False), getattr(args, "verbose", False))
+    before = list(itertools.takewhile(lambda word: word in (*QUIETLY, *VERBOSELY), given))
+    verb, words = given[len(before) :][:1], given[len(before) + 1 :]
+    if verb == ["fit"] and words not in (["--help"], ["-h"]):
+        return guarded(lambda: fit.forward([*before, *words]))
+    parser = make_parser()
+    args = parser.parse_args(given)
+    _set_level(parser, args)
     return guarded(lambda: int(args.run(args) or 0))
+
+
+def _set_level(parser: Parser, args: argparse.Namespace) -> None:
+    """As much is said as -q and -v ask for, before and after the verb."""
+    quiet, verbose = getattr(args, "quiet", False), getattr(args, "verbose", False)
+    if quiet and verbose:
+        parser.error("argument -v/--verbose: not allowed with argument -q/--quiet")
+    set_level(quiet, verbose)
 
 
 def guarded(action: Callable[[], int]) -> int:

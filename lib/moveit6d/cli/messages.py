@@ -21,6 +21,8 @@ QUIET, NORMAL, VERBOSE = 0, 1, 2
 STEP = 0.1  # of the whole, from line to line of progress
 SOONEST, LATEST = 2.0, 30.0  # seconds between two lines of progress
 
+QUIETLY, VERBOSELY = ("-q", "--quiet"), ("-v", "--verbose")
+
 _level = NORMAL
 
 
@@ -29,10 +31,9 @@ def add_message_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("messages").add_mutually_exclusive_group()
     # No defaults: of `evaluate -q bop` the inner verb's would undo what was said before it.
     none = argparse.SUPPRESS
-    group.add_argument("-q", "--quiet", action="store_true", default=none, help="errors only")
+    group.add_argument(*QUIETLY, action="store_true", default=none, help="errors only")
     group.add_argument(
-        "-v",
-        "--verbose",
+        *VERBOSELY,
         action="store_true",
         default=none,
         help="also what was read, and where errors arose",

@@ -15,6 +15,7 @@ from ..errors import InputError
 from .messages import detail, note
 
 if TYPE_CHECKING:
+    from ..config import TextureConfig
     from ..datasets.video import VideoFrame
     from ..geometry.camera import Camera
     from ..geometry.mesh import Mesh
@@ -91,7 +92,11 @@ def peek(frames: Iterator[VideoFrame]) -> tuple[VideoFrame, Iterator[VideoFrame]
 
 
 def painted(
-    meshes: Sequence[Mesh], starts: Sequence[Pose | None], first: VideoFrame, camera: Camera
+    meshes: Sequence[Mesh],
+    starts: Sequence[Pose | None],
+    first: VideoFrame,
+    camera: Camera,
+    config: TextureConfig,
 ) -> list[Mesh]:
     """The meshes; those without colours take what the first frame shows of them."""
     from ..frame import prepare_frame
@@ -101,6 +106,8 @@ def painted(
     frame = prepare_frame(first.image, camera).undistorted
     image = frame.pixels.permute(1, 2, 0).numpy()
     return [
-        mesh if mesh.has_colours or pose is None else mesh.textured_from(image, pose, frame.camera)
+        mesh
+        if mesh.has_colours or pose is None
+        else mesh.textured_from(image, pose, frame.camera, config)
         for mesh, pose in zip(meshes, starts, strict=True)
     ]

@@ -12,7 +12,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..config import PAPER_CONFIG, TrackerConfig
+from ..config import PAPER_CONFIG, SeedDetectorConfig, TrackerConfig
 from ..errors import InputError
 from ..extras import require
 from .common import (
@@ -29,6 +29,7 @@ from .common import (
 )
 from .messages import note, progress
 from .reproduce_pages import DESCRIPTION, EPILOG, KINDS
+from .seed_options import add_seed_options, seeds_of
 
 if TYPE_CHECKING:
     from ..datasets.sequences import Sequence
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from ..policies import Policy
 
 
+SEEDS = SeedDetectorConfig(criterion="iterations")  # the paper's criterion
 FROM_TRACKS = ("ycb_add", "ycb_auc", "laval")  # may work in several processes
 
 
@@ -104,23 +106,7 @@ def _add_own(parser: argparse.ArgumentParser, name: str) -> None:
             "--checkpoints", type=Path, nargs="+", default=[], metavar="FILE", help="weights files"
         )
     if name == "detection":
-        parser.add_argument(
-            "--sinks", type=positive, default=3, metavar="N", help="sinks looked into (paper: 1)"
-        )
-        parser.add_argument(
-            "--poses", type=positive, default=4, metavar="N", help="seeded poses (paper: 1)"
-        )
-        parser.add_argument(
-            "--rotations", type=positive, default=60, metavar="N", help="of the coarse grid"
-        )
-        parser.add_argument(
-            "--sizes",
-            type=float,
-            nargs="+",
-            default=[0.13, 0.2, 0.3],
-            metavar="SHARE",
-            help="widths of the object to try, in shares of the image's shorter side",
-        )
+        add_seed_options(parser, SEEDS)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -309,20 +295,13 @@ def _attention(args: argparse.Namespace) -> Reproduction:
 
 
 def _detection(args: argparse.Namespace) -> Reproduction:
-    from ..estimation import SeedDetector, SeedDetectorConfig
+    from ..estimation import SeedDetector
     from ..evaluation.reproduce import detection
 
     videos, data = _opened(args)
     setting = _setting(args, args.weights)
     policy, renderer = make_tools(setting)
-    config = SeedDetectorConfig(
-        tuple(args.sizes),
-        args.poses,
-        args.sinks,
-        args.rotations,
-        criterion="iterations",
-        loop=setting.config.loop,
-    )
+    config = seeds_of(args, SEEDS, setting.config.loop)
     detectors = {
         video.name: SeedDetector(
             video.load_mesh(),

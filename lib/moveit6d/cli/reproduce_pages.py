@@ -77,7 +77,7 @@ the steps of those. The paper uses the drill of YCB-Video's scene 50.
     "runtime": (
         "milliseconds of one iteration and of a frame",
         """\
-Times iterations on the first sequence's object (a made one without --data) and, with --data,
+Times iterations on the first sequence's object (a procedural one without --data) and, with --data,
 tracks the sequences under the paper's protocol for iterations and milliseconds a frame.
 """,
         "--data ycbv --only 0050.035_power_drill --output out/runtime",

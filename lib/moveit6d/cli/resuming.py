@@ -6,12 +6,15 @@ Never tracks.
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from ..config import TrackerConfig
 from ..errors import InputError
 from .common import plain
+from .settings import fields_of
 
 if TYPE_CHECKING:
     from ..datasets.pose_files import PoseRow
@@ -20,12 +23,13 @@ if TYPE_CHECKING:
 
 # What a run goes by: a track that was begun with others cannot be gone on with.
 SAME = ("mesh", "mesh_unit", "video", "camera", "fov", "start", "weights", "exact_start")
+MISSING = object()
 
 
-def earlier_rows(output: Path, args: argparse.Namespace) -> list[PoseRow]:
+def earlier_rows(output: Path, args: argparse.Namespace, config: TrackerConfig) -> list[PoseRow]:
     """The rows of the interrupted run in a folder; none without `--resume` or before its start.
 
-    `InputError` if its summary.json says that it was begun with other files.
+    `InputError` if its summary.json says that it was begun with other files or settings.
     """
     from ..datasets.pose_files import by_frame, read_poses, whole_lines
     from ..io import read_json
@@ -38,7 +42,8 @@ def earlier_rows(output: Path, args: argparse.Namespace) -> list[PoseRow]:
         raise InputError(f"{table}: its frames are not 0, 1, 2, …; it cannot be gone on with.")
     summary = output / "summary.json"
     if summary.is_file():
-        before = read_json(summary).get("arguments") or {}
+        content = read_json(summary)
+        before = content.get("arguments") or {}
         other = [
             name
             for name in SAME
@@ -49,7 +54,24 @@ def earlier_rows(output: Path, args: argparse.Namespace) -> list[PoseRow]:
                 f"{output} holds a track with another --{other[0]}; give the arguments that it was "
                 "begun with, or another --output."
             )
+        setting = _other_setting(content.get("config") or {}, config)
+        if setting is not None:
+            raise InputError(
+                f"{output} holds a track with another --{setting}; give the settings that it was "
+                "begun with, or another --output."
+            )
     return rows
+
+
+def _other_setting(before: dict[str, Any], config: TrackerConfig) -> str | None:
+    """The first setting that is not what an earlier summary says; None if all are the same."""
+    for name, _, _, value in fields_of(config):
+        found: Any = before
+        for part in name.split("."):
+            found = found.get(part, MISSING) if isinstance(found, dict) else MISSING
+        if found is not MISSING and found != json.loads(json.dumps(value)):
+            return name
+    return None
 
 
 def going_on(

@@ -11,7 +11,7 @@ import re
 import sys
 import types
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,13 +25,35 @@ SHORT = {
     "recovery.max_milliseconds": "--max_milliseconds",
 }
 OFF = {
-    "multi_start.enabled": "--no_multi_start",
-    "contour.enabled": "--no_contour",
-    "calibration.enabled": "--no_calibration",
-    "recovery.enabled": "--no_recovery",
+    "multi_start.enabled": ("--no_multi_start", "no refinement from perturbed starts"),
+    "contour.enabled": ("--no_contour", "no contour refinement"),
+    "calibration.enabled": ("--no_calibration", "no calibration from an exact first pose"),
+    "recovery.enabled": ("--no_recovery", "never look for lost objects"),
 }
 DEFAULT = TrackerConfig()
 PREFIX = "setting:"  # of the names under which argparse keeps them
+_FULL_HELP = "full_help"  # attribute of the options that only --all_options shows
+
+
+class AllOptions(argparse.Action):
+    """The help with every setting; --help shows those that are wanted often."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, **options: Any) -> None:
+        super().__init__(option_strings, argparse.SUPPRESS, nargs=0, **options)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        """Print and end, as --help does."""
+        parser.usage = parser.format_usage().partition("usage: ")[2].strip()  # without them
+        for action in parser._actions:
+            action.help = getattr(action, _FULL_HELP, action.help)
+        parser.print_help()
+        parser.exit()
+
+
+def hide(action: argparse.Action) -> None:
+    """Leave an option to --all_options."""
+    setattr(action, _FULL_HELP, action.help)
+    action.help = argparse.SUPPRESS
 
 
 def add_settings(parser: argparse.ArgumentParser, base: TrackerConfig = DEFAULT) -> None:
@@ -42,26 +64,36 @@ def add_settings(parser: argparse.ArgumentParser, base: TrackerConfig = DEFAULT)
         metavar="FILE",
         help="settings as a YAML file, nested as the options below; these go before it",
     )
+    parser.add_argument(
+        "--all_options",
+        action=AllOptions,
+        default=argparse.SUPPRESS,
+        help="show this help with every setting of tracking and detection",
+    )
     group = parser.add_argument_group(
-        "settings", "Every setting of tracking; written to summary.json. Tuples as '[1, 2]'."
+        "settings",
+        "All of them (--all_options) are written with the results. Tuples as '[1, 2]'.",
     )
     for name, kind, text, value in fields_of(base):
         options = [f"--{name}", *([SHORT[name]] if name in SHORT else [])]
-        group.add_argument(
+        action = group.add_argument(
             *options,
             dest=PREFIX + name,
-            metavar=_metavar(kind),
+            metavar=metavar(kind),
             default=argparse.SUPPRESS,
-            help=f"{text} (default: {_shown(value)})".replace("%", "%%"),
+            help=f"{text} (default: {shown(value)})".replace("%", "%%"),
         )
+        if "." in name and name not in SHORT:
+            hide(action)
         if name in OFF:
+            option, text = OFF[name]
             group.add_argument(
-                OFF[name],
+                option,
                 dest=PREFIX + name,
                 action="store_const",
                 const="false",
                 default=argparse.SUPPRESS,
-                help=f"the same as --{name} false",
+                help=f"{text}: the same as --{name} false",
             )
 
 
@@ -123,7 +155,7 @@ def argument_texts(kind: type) -> dict[str, str]:
     return {name: text.rstrip(".") for name, text in found.items()}
 
 
-def _metavar(kind: Any) -> str:
+def metavar(kind: Any) -> str:
     """How help shows a type."""
     if typing.get_origin(kind) in (typing.Union, types.UnionType):
         kind = next(one for one in typing.get_args(kind) if one is not type(None))
@@ -133,10 +165,10 @@ def _metavar(kind: Any) -> str:
     return names.get(kind, "LIST")
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
     """How help shows a default."""
     if isinstance(value, tuple):
-        return "[" + ", ".join(map(_shown, value)) + "]"
+        return "[" + ", ".join(map(shown, value)) + "]"
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 

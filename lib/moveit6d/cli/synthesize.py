@@ -34,7 +34,7 @@ formats (docs/reference/formats.md):
            other --occlusion, one sequence with a board in front from below (h) and one from a
            side (v), which hides that share of the object in every frame
   ycbv     a surrogate for YCB-Video as published: --count scenes, in each of which all objects
-           lie about one of them before a moving camera
+           stand around one of them in front of a moving camera
 A surrogate says so in surrogate.json; visible_fraction.csv has what is seen of each object.
 """
 
@@ -61,7 +61,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--output", type=Path, required=True, metavar="DIR", help="new folder")
     parser.add_argument("--format", choices=FORMATS, default="folders", help="how it is stored")
     parser.add_argument(
-        "--mesh", type=Path, nargs="+", metavar="FILE", help="objects instead of made ones"
+        "--mesh", type=Path, nargs="+", metavar="FILE", help="objects instead of procedural ones"
     )
     parser.add_argument("--mesh_unit", choices=UNITS, default="m", help="the meshes' unit")
     parser.add_argument(
@@ -80,7 +80,7 @@ def add_parser(verbs: Any) -> None:
         help="shares of the object that are hidden, for laval (default: 0 15 30 45)",
     )
     parser.add_argument(
-        "--photos", type=Path, metavar="DIR", help="pictures for backgrounds instead of made ones"
+        "--photos", type=Path, metavar="DIR", help="backgrounds instead of procedural pictures"
     )
     add_untextured_option(parser)
     parser.set_defaults(run=run)

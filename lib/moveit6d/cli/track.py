@@ -165,7 +165,7 @@ def run(args: argparse.Namespace) -> int:
     ahead = iter(Latest(frames) if getattr(frames, "live", False) else Prefetched(frames))
     if wants_paint(args, meshes):
         first, ahead = peek(ahead)
-        meshes = painted(meshes, starts, first, camera)
+        meshes = painted(meshes, starts, first, camera, setting.config.texture)
     tracker = PoseTracker(
         meshes,
         camera,
@@ -179,7 +179,7 @@ def run(args: argparse.Namespace) -> int:
     names = object_names(args.mesh)
     output = new_folder(args.output)
     records = [TrackSummary() for _ in meshes]
-    earlier = earlier_rows(output, args)
+    earlier = earlier_rows(output, args, setting.config)
     movie_file = _movie_file(output, args, len(earlier))
     for row in earlier:
         records[0].add_row(row)

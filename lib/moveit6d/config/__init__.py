@@ -7,6 +7,7 @@ files, compared and sent to other processes.
 from .detection import (
     DetectorConfig,
     MatchConfig,
+    RegionConfig,
     SeedDetectorConfig,
     SelectionCriterion,
     TemplateConfig,
@@ -21,6 +22,7 @@ from .tracking import (
     MotionConfig,
     MultiStartConfig,
     PerturbationConfig,
+    TextureConfig,
     TrackerConfig,
 )
 
@@ -31,7 +33,6 @@ __all__ = [
     "CalibrationConfig",
     "ContourConfig",
     "DetectorConfig",
-    "VerificationConfig",
     "LoopConfig",
     "MatchConfig",
     "Mode",
@@ -39,9 +40,12 @@ __all__ = [
     "MultiStartConfig",
     "PerturbationConfig",
     "RecoveryConfig",
+    "RegionConfig",
     "SeedDetectorConfig",
     "SelectionCriterion",
     "StateConfig",
     "TemplateConfig",
+    "TextureConfig",
     "TrackerConfig",
+    "VerificationConfig",
 ]

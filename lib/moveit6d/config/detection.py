@@ -18,20 +18,38 @@ class TemplateConfig:
     """What a mesh is prepared for.
 
     Args:
-        rotations: sides from which it is described, spread evenly over all rotations.
-        coarse_rotations: of the fewer ones that look for places.
-        channels: of a descriptor, projected to the axes that tell the object's cells apart best.
-        colour: weight of three channels of coarse colour beside them.
+        rotations: sides from which the object is described, spread evenly over all rotations.
+        coarse_rotations: sides of the smaller set that finds places in the image.
+        channels: numbers of a descriptor, which is projected to the axes that tell the object's
+            cells apart best.
+        colour: weight of three channels of coarse colour beside the descriptors.
+        width: width of the object's bounding sphere in a template, pixels, a multiple of 8. At 91,
+            as wide as in the patches of the loop, no more places and views were right, and
+            matching took three times as long.
+        distance: distance from which templates are rendered, in diameters of the sphere: far enough
+            to be nearly without perspective.
     """
 
     rotations: int = 600
     coarse_rotations: int = 150
     channels: int = 32
     colour: float = 0.22
+    width: int = 64
+    distance: float = 5.0
 
     def __post_init__(self) -> None:
         if min(self.rotations, self.coarse_rotations, self.channels) < 1:
-            raise InputError("TemplateConfig: every number must be 1 or more.")
+            raise InputError(
+                "TemplateConfig: rotations, coarse_rotations and channels must be 1 or more."
+            )
+        if self.width < 8 or self.width % 8:
+            raise InputError(
+                f"TemplateConfig: width must be a multiple of 8 pixels, found {self.width}."
+            )
+        if not self.distance >= 1:
+            raise InputError(
+                f"TemplateConfig: distance must be 1 diameter or more, found {self.distance}."
+            )
 
 
 @dataclass(frozen=True)
@@ -47,8 +65,14 @@ class MatchConfig:
         views: rotations that are kept of each place at most.
         candidates: poses that are refined. Where none is accepted, single images go on with as many
             more.
-        tolerance_weight: of the score in which each cell may lie one cell beside where it should,
-            against the score in units of a template's spread over the image.
+        tolerance_weight: weight of the score in which each cell may lie one cell beside where it
+            should, against the score in units of a template's spread over the image.
+        samples: random positions in each level of the image from which a template's usual score,
+            its mean and spread, is measured.
+        reach: cells around a place in which each template looks for its own best position.
+        same_place: peaks nearer than this, in widths of the object, are one place if their widths
+            are also the same.
+        same_width: largest ratio of two widths that count as the same.
     """
 
     widths: tuple[float, float] = (0.1, 0.75)
@@ -58,6 +82,10 @@ class MatchConfig:
     views: int = 12
     candidates: int = 48
     tolerance_weight: float = 12.0
+    samples: int = 100
+    reach: int = 2
+    same_place: float = 0.35
+    same_width: float = 1.43
 
     def __post_init__(self) -> None:
         low, high = self.widths
@@ -67,22 +95,71 @@ class MatchConfig:
                 f"be above 1, found {self.widths} and {self.step}."
             )
         if min(self.places, self.views, self.candidates, self.local_mean) < 1:
-            raise InputError("MatchConfig: every number must be 1 or more.")
+            raise InputError(
+                "MatchConfig: places, views, candidates and local_mean must be 1 or more."
+            )
+        if self.samples < 2 or self.reach < 0 or self.same_width < 1:
+            raise InputError(
+                "MatchConfig: samples must be 2 or more, reach 0 or more and same_width 1 or more, "
+                f"found {self.samples}, {self.reach} and {self.same_width}."
+            )
+
+
+@dataclass(frozen=True)
+class RegionConfig:
+    """How closely candidates must agree with what is known of where the object is.
+
+    Args:
+        near_shift: largest distance in the image from a pose that is roughly right, in widths of
+            the object.
+        near_ratio: largest ratio of its width there to a candidate's, either way.
+        box_overlap: intersection over union from which a candidate's box agrees with the given one.
+        part_covered: where the given box shows a part of a covered object: share of it that a
+            candidate's box must hold.
+        part_overlap: where it does: intersection over union that is enough.
+        box_ratio: smallest and largest width of the object's bounding sphere that is tried, in
+            longer sides of the box.
+        margin: margin around the box within which the image is searched, in widths of the object.
+        background_scale: where only a part of the image is searched, a template's usual score is
+            measured in the whole image, scaled by this factor at most.
+    """
+
+    near_shift: float = 0.75
+    near_ratio: float = 1.5
+    box_overlap: float = 0.5
+    part_covered: float = 0.9
+    part_overlap: float = 0.3
+    box_ratio: tuple[float, float] = (0.85, 2.5)
+    margin: float = 0.6
+    background_scale: float = 0.6
+
+    def __post_init__(self) -> None:
+        low, high = self.box_ratio
+        if not 0 < low <= 1 <= high or not self.near_ratio >= 1:
+            raise InputError(
+                "RegionConfig: box_ratio must be two positive numbers around 1 and near_ratio 1 or "
+                f"more, found {self.box_ratio} and {self.near_ratio}."
+            )
+        if not (self.near_shift > 0 and self.margin >= 0 and self.background_scale > 0):
+            raise InputError(
+                "RegionConfig: near_shift and background_scale must be positive and margin 0 or "
+                f"more, found {self.near_shift}, {self.background_scale} and {self.margin}."
+            )
 
 
 @dataclass(frozen=True)
 class VerificationConfig:
     """The probability that a pose is right, by logistic regression on what is seen there.
 
-    Fitted on candidates of searches in made pictures (motion blur, occlusion, clutter, tabletops,
-    other objects' pictures) of eight training meshes that were held out; there the contour's
-    agreement, the correlation of grey values and the length of the next update added nothing to
-    these two.
+    Fitted on candidates of searches in synthetic pictures (motion blur, occlusion, clutter,
+    tabletops, other objects' pictures) of eight training meshes that were held out; there the
+    contour's agreement, the correlation of grey values and the length of the next update added
+    nothing to these two.
 
     Args:
         confidence: weight of the network's confidence at the end of the refinement.
         similarity: weight of the mean cosine of descriptors, image against rendering.
-        intercept: of the regression.
+        intercept: intercept of the regression.
     """
 
     confidence: float = 11.0
@@ -97,16 +174,22 @@ class DetectorConfig:
     Args:
         templates: what a mesh is prepared for.
         match: how an image is searched.
+        region: how closely candidates must agree with what is known of where the object is.
         verification: how likely a refined pose is right.
-        stages: of the tournament: how many candidates are refined, and by how many iterations.
+        stages: stages of the tournament: how many candidates are refined in each, and by how many
+            iterations.
         accepted: probability from which the object counts as found.
+        same_instance: poses nearer than this in the image, in widths of the object, are one
+            instance.
     """
 
     templates: TemplateConfig = field(default_factory=TemplateConfig)
     match: MatchConfig = field(default_factory=MatchConfig)
+    region: RegionConfig = field(default_factory=RegionConfig)
     verification: VerificationConfig = field(default_factory=VerificationConfig)
     stages: tuple[tuple[int, int], ...] = ((48, 1), (12, 2), (4, 6))
     accepted: float = 0.5
+    same_instance: float = 0.4
 
 
 class SelectionCriterion(StrEnum):
@@ -127,9 +210,21 @@ class SeedDetectorConfig:
             much steadier.
         sinks: how many of the strongest sinks of all sizes are refined. The paper has one.
         rotations: size of the coarse grid over all rotations, at every sink.
-        seed: of the random orientations.
+        seed: seed of the random orientations.
         criterion: chooses the candidate: the policy's confidence, or as in the paper the fewest
             iterations to stop, among equals the shortest path.
+        spacing: distance between seeds, in widths of the object as it is seeded.
+        max_seeds: seeds in a row or column of the image at most: in a large image they are farther
+            apart.
+        smoothing: standard deviation of the Gaussian that smooths the field, in widths of the
+            object as it is seeded. On eight rendered objects in front of photos the object was
+            among the three strongest sinks six times with 0.25 and four times with 0.4 and 0.6.
+        extent: width of the part of a sink above half its peak, in widths of the object. It was 0.8
+            for objects seeded at 0.7 of their width, 1.2 at 1.2 and 1.6 at 1.7: it says less of the
+            object than of the seeds, so that several sizes must be tried.
+        extent_ratio: smallest and largest width that an extent may stand for, in seeded widths;
+            farther off the network sees too little for the extent to mean anything.
+        same_place: sinks nearer than this, in widths of the object, are one place.
         loop: the refinement loop of each candidate; with criterion iterations `max_iterations` None
             means the paper's 30, so that loops end by themselves.
     """
@@ -140,6 +235,12 @@ class SeedDetectorConfig:
     rotations: int = 60
     seed: int = 0
     criterion: Literal["confidence", "iterations"] = "confidence"
+    spacing: float = 0.4
+    max_seeds: int = 40
+    smoothing: float = 0.25
+    extent: float = 1.1
+    extent_ratio: tuple[float, float] = (0.6, 1.6)
+    same_place: float = 0.5
     loop: LoopConfig = field(default_factory=LoopConfig)
 
     def __post_init__(self) -> None:
@@ -149,6 +250,12 @@ class SeedDetectorConfig:
             )
         if min(self.poses, self.sinks, self.rotations) < 1:
             raise InputError("SeedDetectorConfig: poses, sinks and rotations must be 1 or more.")
+        if not min(self.spacing, self.extent) > 0 or self.smoothing < 0 or self.max_seeds < 3:
+            raise InputError(
+                "SeedDetectorConfig: spacing and extent must be positive, smoothing 0 or more and "
+                f"max_seeds 3 or more, found {self.spacing}, {self.extent}, {self.smoothing} and "
+                f"{self.max_seeds}."
+            )
         if self.criterion not in list(SelectionCriterion):
             raise InputError(
                 f"SeedDetectorConfig: there is no criterion {self.criterion!r}; choose one of "

@@ -22,12 +22,14 @@ class StateConfig:
     Args:
         confidence: weight of the network's confidence.
         agreement: weight of the contour's agreement, a share.
-        intercept: of the regression.
+        intercept: intercept of the regression.
+        usual_agreement: the contour's agreement that is assumed where it is not measured (without
+            contour refinement): the confidence alone decides then.
         confirmed: probability from which an object is tracked.
         doubted: probability below which a tracked object becomes uncertain. Between the two the
             state stays what it was.
         rejected: probability below which a frame counts as one without the object.
-        frames_to_lose: so many such frames in a row, and the object is lost.
+        frames_to_lose: so many rejected frames in a row, and the object is lost.
         frames_to_find: so many confirmed frames in a row, and an object that was found again is
             tracked; until then it is uncertain.
     """
@@ -35,6 +37,7 @@ class StateConfig:
     confidence: float = 11.5
     agreement: float = 4.5
     intercept: float = -9.8
+    usual_agreement: float = 0.4
     confirmed: float = 0.5
     doubted: float = 0.3
     rejected: float = 0.25
@@ -64,9 +67,10 @@ class RecoveryConfig:
             which comes first.
         interval: frames from one search to the next, in the whole image. One takes as long as some
             45 ordinary frames: with 10, a frame without the object costs less than five.
-        max_milliseconds: time a frame that searches may take instead; they go on from frame to
-            frame, each in the picture that it began with. None finishes a search in its frame, so
-            that the same video always gives the same poses.
+        max_milliseconds: time that the search for a lost object may take of each frame, instead of
+            a whole search at intervals; it goes on from frame to frame, in the picture that it
+            began with. None finishes a search in its frame, so that the same video always gives the
+            same poses.
         states: when an object counts as lost, and as found.
     """
 

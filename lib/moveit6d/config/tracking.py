@@ -22,13 +22,13 @@ class PerturbationConfig:
     Args:
         count: how many starts.
         shift: largest shift on t_x, t_y and t_z, in action units.
-        turn: smallest and largest rotation, in degrees.
+        rotation: smallest and largest rotation, in degrees.
         fine: start in the fine stage.
     """
 
     count: int
     shift: tuple[float, float, float]
-    turn: tuple[float, float]
+    rotation: tuple[float, float]
     fine: bool = False
 
 
@@ -37,7 +37,7 @@ class MultiStartConfig:
     """Refinement from perturbed starts while the confidence is low (mode all_axes only).
 
     Args:
-        enabled: whether to do it at all.
+        enabled: refine from perturbed starts at all.
         recovery: in a video: starts around each of the three recovery poses (the last pose, the
             last confident one, and where its motion leads). Wider ones find a lost object no more
             often, and more often something else.
@@ -87,7 +87,7 @@ class ContourConfig:
     """Region-based refinement of the pose after the loop (SRT3D's terms).
 
     Args:
-        enabled: whether to do it at all.
+        enabled: refine the contour at all.
         scales: pixels a segment of the correspondence lines, one Gauss-Newton step each; one
             rendering for each inner list.
         lines: correspondence lines at most.
@@ -100,12 +100,14 @@ class ContourConfig:
         max_delta: largest change in all, in action units; beyond it the given pose is kept.
         reach: contour distances compared, in segments to either side.
         window: segments to either side of a contour distance that it is judged by.
-        amplitude: of the smoothed step function: 0.5 would trust every pixel.
-        slope: of the smoothed step function, in segments.
+        amplitude: amplitude of the smoothed step function: 0.5 would trust every pixel.
+        slope: slope of the smoothed step function, in segments.
         min_deviation: no line is taken to be more exact than this, in segments.
+        agreement_error: pixels from the contour within which a sharp change of colours counts as
+            agreement.
         normal_blur: pixels over which the direction of the contour is averaged.
-        bins: of a colour channel.
-        bin_blur: Gaussian over neighbouring bins.
+        bins: bins of a colour channel in the histograms.
+        bin_blur: standard deviation of the blur of the histograms, in bins.
         band: pixels to either side of the contour whose colours are counted.
         min_pixels: below this many on either side there are no histograms.
         rare: density under which a colour says nothing.
@@ -127,6 +129,7 @@ class ContourConfig:
     amplitude: float = 0.36
     slope: float = 0.8
     min_deviation: float = 0.7
+    agreement_error: float = 1.5
     normal_blur: float = 2.0
     bins: int = 32
     bin_blur: float = 1.0
@@ -142,9 +145,9 @@ class CalibrationConfig:
     """Calibration from a frame in which the pose is exact.
 
     Args:
-        enabled: whether commands that know the first pose exactly calibrate from it.
+        enabled: calibrate where a command is told that the first pose is exact.
         pairs: perturbed starts to either side of the known pose.
-        spread: their standard deviation on the six axes, in action units.
+        spread: standard deviation of those starts on the six axes, in action units.
         share: part of the depth bias found in one frame that lasts; the rest belongs to that view.
         max_bias: largest depth bias, in action units: more is a pose that is not exact.
     """
@@ -154,6 +157,30 @@ class CalibrationConfig:
     spread: tuple[float, float, float, float, float, float] = (1.0, 1.0, 1.0, 1.5, 1.5, 1.5)
     share: float = 0.6
     max_bias: float = 3.0
+
+
+@dataclass(frozen=True)
+class TextureConfig:
+    """How a mesh without colours is painted from an image (`Mesh.textured_from`).
+
+    Args:
+        pieces: triangles are divided until no edge is longer than the object's diameter over this.
+        max_faces: number of faces beyond which triangles are not divided any further.
+        min_facing: cosine to the viewing ray below which a face is too slanted to be painted.
+        hidden: a face so far behind the nearest one of its pixels, in diameters, is hidden.
+    """
+
+    pieces: int = 24
+    max_faces: int = 40_000
+    min_facing: float = 0.2
+    hidden: float = 0.015
+
+    def __post_init__(self) -> None:
+        if self.pieces < 1 or not 0 < self.min_facing < 1:
+            raise InputError(
+                "TextureConfig: pieces must be 1 or more and min_facing between 0 and 1, found "
+                f"{self.pieces} and {self.min_facing}."
+            )
 
 
 @dataclass(frozen=True)
@@ -169,6 +196,7 @@ class TrackerConfig:
         motion: the constant-velocity model.
         contour: region-based refinement.
         calibration: calibration from the first frame.
+        texture: painting of meshes without colours from the first frame.
         detection: search of a whole image for an object.
         recovery: when an object counts as lost, and how it is looked for then.
 
@@ -186,6 +214,7 @@ class TrackerConfig:
     motion: MotionConfig = field(default_factory=MotionConfig)
     contour: ContourConfig = field(default_factory=ContourConfig)
     calibration: CalibrationConfig = field(default_factory=CalibrationConfig)
+    texture: TextureConfig = field(default_factory=TextureConfig)
     detection: DetectorConfig = field(default_factory=DetectorConfig)
     recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
 

@@ -27,7 +27,7 @@ class Contour:
     lengths: Float64
 
 
-def find_contour(mask: Mask, number: int, blur: float = 2.0) -> Contour | None:
+def find_contour(mask: Mask, number: int, blur: float) -> Contour | None:
     """At most `number` points along the contours of a mask (H, W), holes included; None if none.
 
     Directions are averaged over `blur` pixels. The true contour crosses the grid anywhere between

@@ -198,10 +198,11 @@ def _fit(
         weight = contour.lengths * config.lines / len(mean) / (config.correlation * variance)
         weight /= 1 + (mean / config.outlier) ** 2
         place = place.step(_solve(slope, weight, mean, place.moved, config), focal)
-        sharp = (
-            variance < (config.reach * scale) ** 2 / 6
-        )  # half of what it is if all are as likely
-        agreement = float(np.average(sharp & (np.abs(mean) < 1.5), weights=contour.lengths))
+        # Half of the variance that a line has if all distances are as likely.
+        sharp = variance < (config.reach * scale) ** 2 / 6
+        agreement = float(
+            np.average(sharp & (np.abs(mean) < config.agreement_error), weights=contour.lengths)
+        )
     return place, agreement
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from ..errors import InputError
-from .video import FrameSource, VideoFrame, to_upright_rgb
+from .video import ReadBeside, VideoFrame, to_upright_rgb
 
 # Protocols of PyAV's ffmpeg; files that are fetched (http) are waited for, streams are not.
 STREAMED = ("rtsp", "rtsps", "rtmp", "rtmps", "rtp", "udp", "srt", "tcp", "mms")
@@ -73,25 +73,12 @@ class NetworkVideo:
             ) from None
 
 
-class Latest:
+class Latest(ReadBeside):
     """The newest frame of a source each time one is asked for; those in between are left out.
 
     Reading goes on in a thread of its own, which ends with the source or as soon as the iteration
     is given up.
     """
-
-    def __init__(self, source: FrameSource) -> None:
-        self.source = source
-
-    @property
-    def length(self) -> int | None:
-        """How many frames there should be."""
-        return self.source.length
-
-    @property
-    def fps(self) -> float | None:
-        """Frames a second, as they come."""
-        return self.source.fps
 
     def __iter__(self) -> Iterator[VideoFrame]:
         newest: list[VideoFrame | BaseException | None] = []

@@ -167,14 +167,11 @@ class ImageFolder(ImageList):
             raise InputError(f"{folder} holds no images ({', '.join(IMAGE_SUFFIXES)}).")
 
 
-class Prefetched:
-    """The frames of a source, up to `AHEAD` of them read while the caller works on another.
+class ReadBeside:
+    """A source whose frames are read in another thread; its length and pace stay."""
 
-    The reading thread ends with the last frame or as soon as the iteration is given up.
-    """
-
-    def __init__(self, source: FrameSource, ahead: int = AHEAD) -> None:
-        self.source, self.ahead = source, ahead
+    def __init__(self, source: FrameSource) -> None:
+        self.source = source
 
     @property
     def length(self) -> int | None:
@@ -183,8 +180,19 @@ class Prefetched:
 
     @property
     def fps(self) -> float | None:
-        """Frames a second."""
+        """Frames a second, as they come."""
         return self.source.fps
+
+
+class Prefetched(ReadBeside):
+    """The frames of a source, up to `AHEAD` of them read while the caller works on another.
+
+    The reading thread ends with the last frame or as soon as the iteration is given up.
+    """
+
+    def __init__(self, source: FrameSource, ahead: int = AHEAD) -> None:
+        super().__init__(source)
+        self.ahead = ahead
 
     def __iter__(self) -> Iterator[VideoFrame]:
         frames: queue.Queue[VideoFrame | BaseException | None] = queue.Queue(self.ahead)

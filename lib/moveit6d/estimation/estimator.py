@@ -13,13 +13,12 @@ from ..frame import Frame, prepare_frame
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..policies import DihedralAugmentation, Policy, load_policy, mode_of
-from ..rendering.backends import make_renderer
+from ..policies import DihedralAugmentation, Policy, mode_of
 from ..rendering.renderer import Renderer
 from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
 from .contour_stage import refine_result
-from .inputs import camera_of, meshes_of, pose_of
+from .inputs import camera_of, meshes_of, policy_of, pose_of, renderer_of
 from .multi_start import refine_multi_start
 from .refine import refine_starts
 from .results import Refined, Start, Target, TrackingResult, starts_of
@@ -67,8 +66,8 @@ class PoseEstimator:
     ) -> None:
         self.mesh, self.camera, self.config = meshes_of([mesh])[0], camera_of(camera), config
         self.threads = checked_threads(threads)
-        self.policy: Policy = load_policy() if policy is None else policy
-        self.renderer = make_renderer() if renderer is None else renderer
+        self.policy: Policy = policy_of(policy)
+        self.renderer = renderer_of(renderer)
 
     @with_own_threads
     def refine(self, image: ImageLike | Frame, pose: Pose) -> TrackingResult:

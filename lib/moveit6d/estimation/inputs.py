@@ -15,6 +15,9 @@ from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..policies import Policy, load_policy
+from ..rendering.backends import make_renderer
+from ..rendering.renderer import Renderer
 
 
 def meshes_of(meshes: Any) -> list[Mesh]:
@@ -26,6 +29,16 @@ def meshes_of(meshes: Any) -> list[Mesh]:
                 f"The mesh must be a Mesh, found {_kind(mesh)}; Mesh.load(path, unit) reads one."
             )
     return given
+
+
+def policy_of(policy: Policy | None) -> Policy:
+    """The policy; the shipped network if None."""
+    return load_policy() if policy is None else policy
+
+
+def renderer_of(renderer: Renderer | None) -> Renderer:
+    """The back end; embree if None."""
+    return make_renderer() if renderer is None else renderer
 
 
 def camera_of(camera: Any) -> Camera:

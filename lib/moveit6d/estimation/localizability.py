@@ -11,18 +11,16 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 
-# Standard deviation, image pixels, of an object's width: what mesh, lens and intrinsics of a real
-# setup, and true poses too, leave open. Real data sets call theirs good to 1 to 2 pixels.
-WIDTH_ERROR = 1.5
-LIMIT = 0.1  # of the diameter: ADD's usual limit
+LIMIT = 0.1  # of the diameter: ADD's usual limit, which defines what is reported
 
 
-def localizability(centred: Pose, mesh: Mesh, camera: Camera) -> float:
+def localizability(centred: Pose, mesh: Mesh, camera: Camera, width_error: float) -> float:
     """Probability that a pose which looks right is within a tenth of the diameter of the truth.
 
     An object at distance Z, f d / Z pixels wide, that is taken to be one pixel wider is taken to be
-    Z² / (f d) nearer; of the six axes this one decides. The pose is centred.
+    Z² / (f d) nearer; of the six axes this one decides. The pose is centred; `width_error` is the
+    standard deviation of the width, image pixels (`LoopConfig`).
     """
     distance = float(centred.translation[2])
-    nearer = WIDTH_ERROR * distance**2 / (camera.fx * mesh.diameter)
+    nearer = width_error * distance**2 / (camera.fx * mesh.diameter)
     return math.erf(LIMIT * mesh.diameter / (nearer * math.sqrt(2)))

@@ -113,7 +113,7 @@ def sample_perturbations(
     found = []
     for _ in range(around.count):
         axis = random.normal(size=3)
-        axis *= random.uniform(*around.turn) / np.linalg.norm(axis)
+        axis *= random.uniform(*around.rotation) / np.linalg.norm(axis)
         delta = np.concatenate([random.uniform(-1, 1, 3) * around.shift, axis])
         action = PoseAction.from_delta(torch.from_numpy(delta))
         found.append(action.apply_centred(centred, diameter))

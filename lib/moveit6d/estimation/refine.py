@@ -68,7 +68,7 @@ def refine_starts(
         state = LoopState(current, diameter, schedule.groups[rows])
         output = policy.predict(observation, state)
         output = _without_bias(output, depth_bias[rows] * schedule.fine[rows])
-        action = to_action(output, mode, loop.step_size)
+        action = to_action(output, mode, loop.step_size, loop.stop_delta)
         updated = action.apply_centred(current, diameter, policy.crop)
         pose = _replaced(pose, rows, updated)
         schedule.advance(updated, diameter, action, output.confidence)

@@ -19,17 +19,15 @@ from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
 from ..geometry.rotation_grid import rotation_grid
-from ..policies import Policy, load_policy
-from ..rendering.backends import make_renderer
+from ..policies import BATCH_SIZE, Policy
 from ..rendering.renderer import Renderer
 from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
-from .inputs import camera_of, meshes_of
+from .inputs import camera_of, meshes_of, policy_of, renderer_of
 from .refine import refine_batch
 from .results import StopReason, Target, TrackingResult
 from .seeding import SeedField, Sink, find_sinks, seed_field, seed_poses
 
-BATCH = 32  # loops that run side by side
 DEFAULT = SeedDetectorConfig()
 
 
@@ -101,8 +99,8 @@ class SeedDetector:
         if config.loop.max_iterations is None and self.criterion is SelectionCriterion.ITERATIONS:
             limit = MAX_ITERATIONS[ActionMode.SINGLE]
             self.loop = replace(config.loop, max_iterations=limit)
-        self.policy: Policy = load_policy() if policy is None else policy
-        self.renderer = make_renderer() if renderer is None else renderer
+        self.policy: Policy = policy_of(policy)
+        self.renderer = renderer_of(renderer)
 
     @with_own_threads
     def detect(self, image: ImageLike | Frame) -> SeedDetection:
@@ -112,8 +110,9 @@ class SeedDetector:
         """
         frame = prepare_frame(image, self.camera).undistorted
         fields = self.seed(frame)
-        found = [sink for field in fields for sink in find_sinks(field, 2 * self.config.sinks)]
-        places = strongest(found, self.config.sinks)
+        config = self.config
+        found = [s for field in fields for s in find_sinks(field, 2 * config.sinks, config)]
+        places = strongest(found, config.sinks, config.same_place)
         candidates = self.try_rotations(frame, [sink for place in places for sink in place])
         best = best_of(candidates, self.criterion)
         return SeedDetection(None if best is None else best.result, fields, places, candidates)
@@ -126,7 +125,9 @@ class SeedDetector:
         turns = random_rotations(self.config.poses, generator)
         side = min(self.camera.width, self.camera.height)
         return tuple(
-            seed_field(frame, self.mesh, turns, share * side, self.policy, self.renderer)
+            seed_field(
+                frame, self.mesh, turns, share * side, self.policy, self.renderer, self.config
+            )
             for share in self.config.sizes
         )
 
@@ -139,8 +140,8 @@ class SeedDetector:
         grid = rotation_grid(self.config.rotations)
         starts = [(sink, pose) for sink in sinks for pose in self._poses(sink, grid, frame)]
         found = []
-        for begin in range(0, len(starts), BATCH):
-            part = starts[begin : begin + BATCH]
+        for begin in range(0, len(starts), BATCH_SIZE):
+            part = starts[begin : begin + BATCH_SIZE]
             results = refine_batch(
                 [Target(frame, self.camera, self.mesh, self.mesh.outer(pose)) for _, pose in part],
                 policy=self.policy,
@@ -166,15 +167,18 @@ class SeedDetector:
         return float(delta.abs().sum())
 
 
-def strongest(sinks: Sequence[Sink], count: int) -> tuple[tuple[Sink, ...], ...]:
+def strongest(
+    sinks: Sequence[Sink], count: int, same_place: float = DEFAULT.same_place
+) -> tuple[tuple[Sink, ...], ...]:
     """The places of the `count` strongest sinks, each with all sinks that are there.
 
-    Sinks nearer than half of the object's width are at one place.
+    Sinks nearer than `same_place` widths of the object are at one place.
     """
     places: list[list[Sink]] = []
     for sink in sorted(sinks, key=lambda one: -one.strength):
         for place in places:
-            if float((sink.centre - place[0].centre).norm()) < 0.5 * max(sink.size, place[0].size):
+            limit = same_place * max(sink.size, place[0].size)
+            if float((sink.centre - place[0].centre).norm()) < limit:
                 place.append(sink)
                 break
         else:

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ..config import ActionMode
+from ..config import ActionMode, SeedDetectorConfig
 from ..errors import InputError
 from ..frame import Frame
 from ..geometry.camera import Camera
@@ -24,21 +24,11 @@ from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..networks.policy_output import PolicyOutput
 from ..observation import observe_shared
-from ..policies import LoopState, Policy
+from ..policies import BATCH_SIZE, LoopState, Policy
 from ..rendering.renderer import Renderer
 
-BATCH = 32  # seeds a pass of the network: larger ones hardly gain and cost memory
-SPACING = 0.4  # of the seeds, in widths of the object as it is seeded
-# Of the field: sigma in widths of the object as it is seeded. On eight rendered objects before
-# photos the object was among the three strongest sinks six times with 0.25, four times with 0.4 and
-# with 0.6 (four seeded poses each); with one seeded pose in 17 of 32 cases.
-SMOOTHING = 0.25
-# Width of the part of a sink above half its peak, in widths of the object. Measured on five of
-# those objects: 0.8 where they were seeded at 0.7 of their width, 1.2 at 1.2, 1.6 at 1.7. So the
-# extent says less of the object than of the seeds, and several sizes must be tried.
-EXTENT = 1.1
-# Seeds a row or column: fewer give no divergence, more cost too much.
-FEWEST, MOST = 3, 40
+FEWEST = 3  # seeds a row or column: the central differences of the divergence need as many
+DEFAULT = SeedDetectorConfig()
 
 
 @dataclass(frozen=True)
@@ -74,7 +64,13 @@ class Sink:
 
 
 def seed_field(
-    frame: Frame, mesh: Mesh, rotations: Tensor, size: float, policy: Policy, renderer: Renderer
+    frame: Frame,
+    mesh: Mesh,
+    rotations: Tensor,
+    size: float,
+    policy: Policy,
+    renderer: Renderer,
+    config: SeedDetectorConfig = DEFAULT,
 ) -> SeedField:
     """One iteration from each seed of a grid over the image, in batches.
 
@@ -89,17 +85,17 @@ def seed_field(
             f"Detection needs a policy that sees look-at crops; this one's are {policy.crop!r}: "
             "give other weights or start poses."
         )
-    centres = seed_grid(frame.camera, size)
-    found = [_moves(frame, mesh, turn, size, centres, policy, renderer) for turn in rotations]
-    vectors = torch.stack([moves for moves, _ in found]).mean(0).reshape(centres.shape)
+    centres = seed_grid(frame.camera, size, config)
+    found = [_shifts(frame, mesh, turn, size, centres, policy, renderer) for turn in rotations]
+    vectors = torch.stack([shifts for shifts, _ in found]).mean(0).reshape(centres.shape)
     confidence = torch.stack([belief for _, belief in found]).amax(0)
     step = spacing(centres)
-    smooth = smoothed(vectors, SMOOTHING * size / step)
+    smooth = smoothed(vectors, config.smoothing * size / step)
     sink = size * sink_of(smooth, step)
     return SeedField(centres, vectors, smooth, sink, confidence.reshape(centres.shape[:2]), size)
 
 
-def _moves(
+def _shifts(
     frame: Frame,
     mesh: Mesh,
     rotation: Tensor,
@@ -114,15 +110,15 @@ def _moves(
     diameter = torch.full((len(pixels),), mesh.sphere_diameter, dtype=torch.float64)
     view = look_at(pose, diameter)
     gbuffer = renderer.render([mesh], view.to_virtual(pose)[:1], view.intrinsics[:1])
-    moves, confidences = [], []
-    for rows in torch.split(torch.arange(len(pixels)), BATCH):
+    shifts, confidences = [], []
+    for rows in torch.split(torch.arange(len(pixels)), BATCH_SIZE):
         part = View(view.rotation[rows], view.intrinsics[rows], view.distance[rows])
         observation = observe_shared(frame, gbuffer, part, diameter[rows])
         state = LoopState(pose[rows], diameter[rows], torch.zeros_like(rows))
         prediction = policy.predict(observation, state)
-        moves.append(_in_image(planar_move(prediction, policy.mode), part, frame.camera))
+        shifts.append(_in_image(planar_shift(prediction, policy.mode), part, frame.camera))
         confidences.append(prediction.confidence.to(torch.float64))
-    return torch.cat(moves), torch.cat(confidences)
+    return torch.cat(shifts), torch.cat(confidences)
 
 
 def seed_poses(
@@ -139,7 +135,7 @@ def seed_poses(
     return Pose(view.rotation.mT @ rotation, place)
 
 
-def planar_move(prediction: PolicyOutput, mode: ActionMode) -> Tensor:
+def planar_shift(prediction: PolicyOutput, mode: ActionMode) -> Tensor:
     """What a prediction says of t_x and t_y: (B, 2), only the direction has a meaning."""
     if mode is ActionMode.ALL_AXES and prediction.delta is not None:
         return prediction.delta[:, :2].to(torch.float64)
@@ -172,7 +168,7 @@ def sink_of(field: Tensor, step: float) -> Tensor:
     return -(across + down) / (2 * step)
 
 
-def find_sinks(field: SeedField, count: int) -> list[Sink]:
+def find_sinks(field: SeedField, count: int, config: SeedDetectorConfig = DEFAULT) -> list[Sink]:
     """The `count` strongest sinks (fewer if there are not as many), the strongest first.
 
     Peaks lie at least a cell apart; each is placed to a fraction of a cell.
@@ -181,10 +177,10 @@ def find_sinks(field: SeedField, count: int) -> list[Sink]:
     peaks = (values == functional.max_pool2d(values, 3, 1, 1))[0, 0] & (field.sink > 0)
     places = peaks.nonzero().tolist()
     places.sort(key=lambda place: -float(field.sink[place[0], place[1]]))
-    return [_sink(field, row, column) for row, column in places[:count]]
+    return [_sink(field, row, column, config) for row, column in places[:count]]
 
 
-def _sink(field: SeedField, row: int, column: int) -> Sink:
+def _sink(field: SeedField, row: int, column: int, config: SeedDetectorConfig) -> Sink:
     """The sink with its peak in that cell."""
     from scipy.ndimage import label
 
@@ -196,14 +192,14 @@ def _sink(field: SeedField, row: int, column: int) -> Sink:
     regions, _ = label((field.sink > 0.5 * peak).numpy())
     cells = int((regions == regions[row, column]).sum())
     extent = 2 * spacing(field.centres) * math.sqrt(cells / math.pi)
-    # Far from the seeded size the network sees too little for the extent to mean anything.
-    size = min(max(extent / EXTENT, 0.6 * field.size), 1.6 * field.size)
+    low, high = config.extent_ratio
+    size = min(max(extent / config.extent, low * field.size), high * field.size)
     return Sink(centre, peak, size)
 
 
-def seed_grid(camera: Camera, size: float) -> Tensor:
-    """Pixels (h, w, 2) of seeds, `SPACING` of the size apart and centred on the image."""
-    step = max(SPACING * size, camera.width / MOST, camera.height / MOST)
+def seed_grid(camera: Camera, size: float, config: SeedDetectorConfig = DEFAULT) -> Tensor:
+    """Pixels (h, w, 2) of seeds, `spacing` of the size apart and centred on the image."""
+    step = max(config.spacing * size, max(camera.width, camera.height) / config.max_seeds)
     step = min(step, (min(camera.width, camera.height) - 1) / (FEWEST - 1))
     lines = []
     for length in (camera.width, camera.height):
@@ -218,12 +214,12 @@ def spacing(centres: Tensor) -> float:
     return float(centres[0, 1, 0] - centres[0, 0, 0])
 
 
-def _in_image(moves: Tensor, view: View, camera: Camera) -> Tensor:
+def _in_image(shifts: Tensor, view: View, camera: Camera) -> Tensor:
     """Unit vectors (B, 2) in the image for shifts (B, 2) in the crops; zero stays zero."""
-    back = patch_to_image(view, camera.matrix.expand(len(moves), 3, 3))
+    back = patch_to_image(view, camera.matrix.expand(len(shifts), 3, 3))
     middle = view.intrinsics[:, :2, 2]
     start = _mapped(back, middle)
-    direction = functional.normalize(moves, dim=1)
+    direction = functional.normalize(shifts, dim=1)
     return functional.normalize(_mapped(back, middle + direction) - start, dim=1)
 
 

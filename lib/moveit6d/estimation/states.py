@@ -1,6 +1,6 @@
 """Tracking, uncertain or lost: what a tracker says of an object, with hysteresis.
 
-Never sees an image and never moves a pose.
+Never sees an image and never changes a pose.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ..config import StateConfig
 class TrackingState(StrEnum):
     """What is known of an object in a frame."""
 
-    TRACKING = "tracking"  # the pose is believed
+    TRACKING = "tracking"  # the pose is probably right
     UNCERTAIN = "uncertain"  # there is a pose; it may be wrong
     LOST = "lost"  # no pose: the object is out of view, covered, or somewhere else
 

@@ -19,15 +19,14 @@ from ..frame import Frame, prepare_frame
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..policies import DescriptorPolicy, Policy, load_policy, mode_of
-from ..rendering.backends import make_renderer
+from ..policies import DescriptorPolicy, Policy, mode_of
 from ..rendering.renderer import Renderer
 from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
 from .calibration import depth_bias
 from .contour_stage import refine_result
 from .detection import PoseDetector, TemplateStore
-from .inputs import camera_of, meshes_of, poses_of
+from .inputs import camera_of, meshes_of, policy_of, poses_of, renderer_of
 from .multi_start import most_confident, perturbed_starts, uses_multi_start
 from .recovery import Supervisor
 from .refine import refine_starts
@@ -37,8 +36,6 @@ from .track_state import TrackState
 from .visibility import check_start
 
 DEFAULT = TrackerConfig()
-# Of the contour where it is not measured: what the confidence alone says then.
-USUAL_AGREEMENT = 0.4
 Starts = Pose | Sequence[Pose | None] | None
 Results = TypeVar("Results", TrackingResult, list[TrackingResult])
 
@@ -123,8 +120,8 @@ class PoseTracker(Generic[Results]):
         self.single = isinstance(meshes, Mesh)
         self.meshes = meshes_of(meshes)
         self.camera, self.config, self.threads = camera_of(camera), config, checked_threads(threads)
-        self.policy: Policy = load_policy() if policy is None else policy
-        self.renderer = make_renderer() if renderer is None else renderer
+        self.policy: Policy = policy_of(policy)
+        self.renderer = renderer_of(renderer)
         self.store = store or TemplateStore()
         self.tracks: list[TrackState] = []
         self.supervisors: list[Supervisor] = []
@@ -268,7 +265,7 @@ class PoseTracker(Generic[Results]):
         return True
 
     def _refine(self, frame: Frame, numbers: Sequence[int]) -> list[Refined]:
-        """Follow objects, each from the best of its starts, and recover those in doubt."""
+        """Follow objects, each from the best of its starts, and recover those of low confidence."""
         groups, starts = [], []
         for number in numbers:
             track = self.tracks[number]
@@ -337,9 +334,9 @@ class PoseTracker(Generic[Results]):
             track.add(result.centred, result.confidence)
             result = replace(result, centred=track.centred)
         agreement = result.contour_agreement
-        judged = supervisor.judged(
-            result.result(track.mesh), USUAL_AGREEMENT if agreement is None else agreement
-        )
+        if agreement is None:
+            agreement = self.config.recovery.states.usual_agreement
+        judged = supervisor.judged(result.result(track.mesh), agreement)
         if judged.state is TrackingState.TRACKING:
             track.update_histograms(histograms)
         return judged

@@ -18,11 +18,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from ..config import TextureConfig
 from ..errors import InputError
 from .camera import Camera
 from .hull import convex_hull
 from .mesh_files import read_mesh_file
-from .mesh_files.join import PLAIN
+from .mesh_files.join import PLAIN, Surface
 from .normals import smooth_normals
 from .pose import Pose
 from .symmetry import Symmetries
@@ -30,6 +31,7 @@ from .symmetry_file import symmetries_beside
 
 Unit = Literal["m", "cm", "mm", "in"]
 METRES: dict[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
+TEXTURE = TextureConfig()
 LOG = logging.getLogger("moveit6d")
 SIZES = (0.005, 20.0)  # metres: smaller or larger objects are unit mistakes
 
@@ -75,15 +77,21 @@ class Mesh:
         surface, content = read_mesh_file(path, allow_untextured, allow_flat)
         for warning in content.warnings:
             LOG.warning("%s: %s", path, warning)
+        known = symmetries_beside(path) if symmetries is None else symmetries
+        return Mesh.from_surface(str(path), surface, unit, known)
+
+    @staticmethod
+    def from_surface(name: str, surface: Surface, unit: Unit, symmetries: Symmetries) -> Mesh:
+        """From what a mesh file holds; see `from_arrays`."""
         return Mesh.from_arrays(
-            str(path),
+            name,
             surface.vertices,
             surface.faces,
             uv=surface.uv,
             texture=surface.texture,
             vertex_colors=surface.colors,
             unit=unit,
-            symmetries=symmetries_beside(path) if symmetries is None else symmetries,
+            symmetries=symmetries,
         )
 
     @staticmethod
@@ -147,7 +155,9 @@ class Mesh:
         colours = self.vertex_colors if self.texture is None else self.texture.reshape(-1, 3)
         return colours is not None and bool((colours != colours[:1]).any())
 
-    def textured_from(self, image: NDArray[np.uint8], pose: Pose, camera: Camera) -> Mesh:
+    def textured_from(
+        self, image: NDArray[np.uint8], pose: Pose, camera: Camera, config: TextureConfig = TEXTURE
+    ) -> Mesh:
         """This mesh painted with what an image shows of it, for a mesh without colours.
 
         `image` (H, W, 3) is RGB uint8 without lens distortion, `pose` object → camera in the mesh
@@ -156,7 +166,7 @@ class Mesh:
         """
         from .projected_texture import paint
 
-        return paint(self, image, pose, camera)
+        return paint(self, image, pose, camera, config)
 
     def sample_points(self, count: int, seed: int = 0) -> NDArray[np.float64]:
         """Points on the surface, evenly by area, in the file's frame: (count, 3) metres."""

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from ..config import TextureConfig
 from ..errors import InputError
 from .camera import Camera
 from .pose import Pose
@@ -18,17 +19,22 @@ from .pose import Pose
 if TYPE_CHECKING:
     from .mesh import Mesh
 
-PIECES = 24  # of a diameter: no painted triangle is longer
-MOST_FACES = 40_000
-SLANTED = 0.2  # cosine to the viewing ray under which a face is not painted
-HIDDEN = 0.015  # of the diameter: as far behind the nearest point of its pixel a face is hidden
-MARGIN = 2  # pixels beside the object that the texture keeps
-STRIP = 8  # pixels of the texture's rows for what is not seen
-# What a renderer's lamp at the camera leaves of a surface seen edge-on (`rendering.shading`).
+# Layout of the texture: neither decides a colour.
+MARGIN = 2  # pixels beside the object that it keeps
+STRIP = 8  # pixels of its rows for what is not seen
+# What a surface seen edge-on still shows, of 1 seen face-on, under the renderings' light at the
+# camera (`rendering.shading`); the networks are trained with it.
 AMBIENT = 0.45
+DEFAULT = TextureConfig()
 
 
-def paint(mesh: Mesh, image: NDArray[np.uint8], pose: Pose, camera: Camera) -> Mesh:
+def paint(
+    mesh: Mesh,
+    image: NDArray[np.uint8],
+    pose: Pose,
+    camera: Camera,
+    config: TextureConfig = DEFAULT,
+) -> Mesh:
     """A copy of a mesh with the colours that an image (H, W, 3) uint8 shows at a pose.
 
     `pose` is the mesh file's frame; the image has no lens distortion. Sides that are not seen take
@@ -36,7 +42,7 @@ def paint(mesh: Mesh, image: NDArray[np.uint8], pose: Pose, camera: Camera) -> M
     """
     from .mesh import Mesh
 
-    vertices, faces = _divided(mesh)
+    vertices, faces = _divided(mesh, config)
     centred = mesh.inner(pose.to(torch.float64))
     rotation, shift = centred.rotation.numpy(), centred.translation.numpy()
     placed = vertices @ rotation.T + shift
@@ -47,8 +53,9 @@ def paint(mesh: Mesh, image: NDArray[np.uint8], pose: Pose, camera: Camera) -> M
     middles = corners.mean(1)
     rays = middles / (np.linalg.norm(middles, axis=1, keepdims=True) + 1e-12)
     facing = np.abs((normals * rays).sum(1))  # single sheets are seen from both sides
-    seen = (facing > SLANTED) & _in_image(pixels[faces], camera)
-    seen &= ~_hidden(corners, middles, facing, camera, HIDDEN * mesh.sphere_diameter)
+    seen = (facing > config.min_facing) & _in_image(pixels[faces], camera)
+    steep, tolerance = np.maximum(facing, config.min_facing), config.hidden * mesh.sphere_diameter
+    seen &= ~_hidden(corners, middles, steep, camera, tolerance)
     if seen.sum() < 4:
         raise InputError(
             f"{mesh.name}: the camera sees too little of it at this pose to take its colours; "
@@ -57,17 +64,17 @@ def paint(mesh: Mesh, image: NDArray[np.uint8], pose: Pose, camera: Camera) -> M
     return _textured(Mesh, mesh, image, vertices, faces, pixels, seen, facing)
 
 
-def _divided(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _divided(mesh: Mesh, config: TextureConfig) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Vertices and faces with triangles small enough to be painted one by one."""
     from trimesh.remesh import subdivide
 
     vertices, faces = mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64)
-    longest = mesh.sphere_diameter / PIECES
+    longest = mesh.sphere_diameter / config.pieces
     while True:
         corners = vertices[faces]
         edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
         long = np.flatnonzero(edges > longest)
-        if not len(long) or len(faces) + 3 * len(long) > MOST_FACES:
+        if not len(long) or len(faces) + 3 * len(long) > config.max_faces:
             return vertices, faces
         vertices, faces = subdivide(vertices, faces, face_index=long)
 
@@ -87,7 +94,10 @@ def _hidden(
     camera: Camera,
     tolerance: float,
 ) -> NDArray[np.bool_]:
-    """Which faces lie behind others: a depth map of points all over the faces (F, 3, 3)."""
+    """Which faces lie behind others: a depth map of points all over the faces (F, 3, 3).
+
+    `facing` (F,) are cosines to the viewing rays, above 0.
+    """
     weights = np.array([
         [1 / 3, 1 / 3, 1 / 3], [0.6, 0.2, 0.2], [0.2, 0.6, 0.2], [0.2, 0.2, 0.6],
         [0.45, 0.45, 0.1], [0.45, 0.1, 0.45], [0.1, 0.45, 0.45],
@@ -107,7 +117,7 @@ def _hidden(
     nearest = np.full(int(where.max()) + 1, np.inf)
     np.minimum.at(nearest, where, points[:, 2])
     # A cell of a slanted face spans some depth itself.
-    slack = tolerance + 1.5 * spacing / np.maximum(facing, SLANTED)
+    slack = tolerance + 1.5 * spacing / facing
     hidden: NDArray[np.bool_] = middles[:, 2] > nearest[cells(middles)] + slack
     return hidden
 

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from ..geometry.crop import Crop
-from ..observation import Observation
+from ..observation import GREY, Observation
 from .blocks import Residual, attention_pool, conv_block
 from .policy_output import PolicyOutput
 
@@ -50,7 +50,7 @@ class ActionNet(nn.Module):
 
     def forward(self, observation: Observation) -> tuple[PolicyOutput, Tensor]:
         """The prediction, and the confidence's logit (B,) for training."""
-        channels = observation.channels(self.config.use_depth) - 0.45
+        channels = observation.channels(self.config.use_depth) - GREY
         features = self.embed(channels.contiguous(memory_format=torch.channels_last))
         attention = torch.sigmoid(self.attend(features))
         values = self.classifier(attention_pool(features, attention))

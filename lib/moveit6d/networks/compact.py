@@ -15,9 +15,9 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from ..geometry.crop import PATCH_SIZE, Crop
-from ..observation import Observation
+from ..observation import GREY, Observation
 from .blocks import Residual, attention_pool, conv_block
-from .correlation import DAMPING, GREY, HEAD_SCALE, CorrelationOutput, dense_prediction
+from .correlation import DAMPING, HEAD_SCALE, CorrelationOutput, dense_prediction
 from .dense_prediction import DensePrediction
 from .least_squares import cell_pixels, jacobian, solve_delta, surface_points
 from .matching import (

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from ..geometry.crop import PATCH_SIZE, Crop
+from ..observation import GREY as GREY  # other modules know it from here
 from ..observation import Observation
 from .blocks import Residual, attention_pool, conv_block, with_extra_blocks
 from .dense_prediction import DensePrediction
@@ -33,7 +34,6 @@ from .policy_output import PolicyOutput
 # Prior of the least squares for t_x, t_y, t_z and the three turns; learnable. Measured to matter:
 # with 1e-3 everywhere its loss stays a fifth higher.
 DAMPING = (4e-3, 4e-3, 1e-2, 8e-3, 8e-3, 8e-3)
-GREY = 0.45  # around a rendering
 HEAD_SCALE = 3.0  # units that an output of 1 of the head stands for
 
 

@@ -14,9 +14,10 @@ import torch
 from torch import Tensor
 
 from ..errors import RenderingUnavailable
+from ..geometry.crop import PATCH_SIZE
 from ..geometry.pose import Pose
 from .mesh_bank import MeshBank
-from .renderer import PATCH, GBuffer
+from .renderer import GBuffer
 
 SOURCE = Path(__file__).with_name("rasterize.cu")
 THREADS = 128
@@ -30,7 +31,9 @@ class BankRenderer:
     def __init__(self, bank: MeshBank, run: Run | None = None) -> None:
         self.bank, self._run = bank, run or _gpu_kernels()
 
-    def render(self, slots: Tensor, poses: Pose, intrinsics: Tensor, size: int = PATCH) -> GBuffer:
+    def render(
+        self, slots: Tensor, poses: Pose, intrinsics: Tensor, size: int = PATCH_SIZE
+    ) -> GBuffer:
         """A patch of size × size for each slot (B,), as `Renderer.render` does for meshes."""
         device, batch = self.bank.device, len(slots)
         pose = torch.cat([poses.rotation.flatten(1), poses.translation], 1).float().contiguous()

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..errors import RenderingUnavailable
+from ..geometry.crop import PATCH_SIZE
 from ..geometry.hull import enclosing_corners
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..typing import Float32
 from .attributes import Attributes, pixel_rays
-from .renderer import PATCH, GBuffer, check_batch, gather
+from .renderer import GBuffer, check_batch, gather
 
 Arrays = tuple[NDArray[np.uint8], Float32, Float32]
 
@@ -43,7 +44,7 @@ class EmbreeRenderer:
             ) from error
 
     def render(
-        self, meshes: Sequence[Mesh], poses: Pose, intrinsics: Tensor, size: int = PATCH
+        self, meshes: Sequence[Mesh], poses: Pose, intrinsics: Tensor, size: int = PATCH_SIZE
     ) -> GBuffer:
         """One patch for each mesh; see `Renderer`."""
         check_batch(meshes, poses, intrinsics, size)
@@ -55,7 +56,7 @@ def render_arrays(
     rotation: NDArray[Any],
     translation: NDArray[Any],
     intrinsics: NDArray[Any],
-    size: int = PATCH,
+    size: int = PATCH_SIZE,
 ) -> Arrays:
     """One patch as plain arrays, for whoever renders in worker processes without tensors.
 

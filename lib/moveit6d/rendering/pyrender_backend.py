@@ -22,11 +22,12 @@ from torch import Tensor
 
 from ..errors import InputError, RenderingUnavailable
 from ..extras import require
+from ..geometry.crop import PATCH_SIZE
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..typing import Float32
 from .attributes import Attributes, pixel_rays
-from .renderer import PATCH, GBuffer, check_batch, gather
+from .renderer import GBuffer, check_batch, gather
 
 VARIABLE = "PYOPENGL_PLATFORM"  # where PyOpenGL and pyrender look for "egl" or "osmesa"
 WINDOW = "window"  # what a missing variable means
@@ -53,7 +54,7 @@ class PyrenderRenderer:
         self._nodes: WeakKeyDictionary[Mesh, Any] = WeakKeyDictionary()
 
     def render(
-        self, meshes: Sequence[Mesh], poses: Pose, intrinsics: Tensor, size: int = PATCH
+        self, meshes: Sequence[Mesh], poses: Pose, intrinsics: Tensor, size: int = PATCH_SIZE
     ) -> GBuffer:
         """One patch for each mesh; see `Renderer`."""
         check_batch(meshes, poses, intrinsics, size)
@@ -177,7 +178,7 @@ def _open() -> tuple[Any, str]:
 
             if platform == "osmesa":
                 _complete_osmesa()
-            return pyrender.OffscreenRenderer(PATCH, PATCH), platform
+            return pyrender.OffscreenRenderer(PATCH_SIZE, PATCH_SIZE), platform
     except Exception as error:  # missing libraries and drivers fail in a hundred ways
         raise RenderingUnavailable(
             f"The pyrender renderer found no OpenGL through {platform} "

@@ -14,10 +14,9 @@ import torch
 from torch import Tensor
 
 from ..errors import InputError
+from ..geometry.crop import PATCH_SIZE
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-
-PATCH = 128  # pixels a side
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class Renderer(Protocol):
         """The name that `make_renderer` knows it by."""
 
     def render(
-        self, meshes: Sequence[Mesh], poses: Pose, intrinsics: Tensor, size: int = PATCH
+        self, meshes: Sequence[Mesh], poses: Pose, intrinsics: Tensor, size: int = PATCH_SIZE
     ) -> GBuffer:
         """One patch of size × size for each mesh.
 

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from torch import Tensor
 
+from ..geometry.projected_texture import AMBIENT
 from .renderer import GBuffer
-
-AMBIENT = 0.45  # what a surface seen edge-on still shows, of 1 seen face-on
 
 
 def shade_plain(buffer: GBuffer) -> Tensor:

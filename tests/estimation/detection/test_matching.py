@@ -14,7 +14,6 @@ from moveit6d import InputError
 from moveit6d.config import MatchConfig
 from moveit6d.estimation.detection import PoseDetector
 from moveit6d.estimation.detection.matching import Level, Matcher, Pyramid, ladder
-from moveit6d.estimation.detection.templates import WIDTH
 from moveit6d.geometry.crop import look_at
 from tests.estimation.detection.conftest import Picture
 from tests.support import pictures
@@ -37,13 +36,13 @@ def test_cells_and_pixels_are_inverse(u: float, v: float, scale: float, left: in
 
 
 def test_the_first_cell_covers_the_first_pixels() -> None:
-    level = Level(WIDTH, 1.0, 0, 0, torch.zeros(1, 2, 2), torch.zeros(3, 2, 2))
+    level = Level(64, 1.0, 0, 0, torch.zeros(1, 2, 2), torch.zeros(3, 2, 2))
     assert level.pixel(0, 0) == (3.5, 3.5)  # the middle of pixels 0 to 7
 
 
 def test_a_level_is_made_once(seen: Picture, detector: PoseDetector) -> None:
     image = torch.from_numpy(seen.image).permute(2, 0, 1) / 255
-    pyramid = Pyramid(image, detector.policy.descriptors, 13)
+    pyramid = Pyramid(image, detector.policy.descriptors, 13, 64)
     level = pyramid.level(96.0)
     assert pyramid.level(96.0) is level
     assert level.features.shape[1:] == (22, 22)  # 256 · 64 / 96 = 171 pixels
@@ -56,7 +55,9 @@ def test_a_level_is_made_once(seen: Picture, detector: PoseDetector) -> None:
 def test_the_object_is_among_the_candidates(seen: Picture, detector: PoseDetector) -> None:
     bank, config = detector.prepare(), detector.config
     image = torch.from_numpy(seen.image).permute(2, 0, 1) / 255
-    pyramid = Pyramid(image, detector.policy.descriptors, config.match.local_mean)
+    pyramid = Pyramid(
+        image, detector.policy.descriptors, config.match.local_mean, config.templates.width
+    )
     matcher = Matcher(bank, config.match, config.templates.colour)
     for width in ladder(77, 154, config.match.step):
         matcher.add(pyramid.level(width))

@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from moveit6d import Camera, InputError, Mesh, Pose
+from moveit6d.config import RegionConfig
 from moveit6d.estimation.detection import SearchRegion
 
 CAMERA = Camera(500.0, 500.0, 319.5, 239.5, 640, 480)
@@ -64,6 +65,11 @@ def test_near_is_around_the_pose(box: Mesh) -> None:
     assert allowed.tolist() == [True, True, False]
     window = region.window(box, CAMERA, width)
     assert window is not None and window[0] > 0 and window[2] <= 640
+    wide = RegionConfig(near_shift=0.65, near_ratio=2.0)
+    assert region.widths(box, CAMERA, SHARES, wide) == pytest.approx((width / 2, width * 2))
+    sizes = torch.full((3,), width)
+    allowed = region.allows(box, CAMERA, pixels, sizes, torch.zeros(3, 4), wide)
+    assert allowed.tolist() == [True, False, False]
 
 
 @pytest.mark.parametrize(

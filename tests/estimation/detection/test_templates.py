@@ -13,11 +13,11 @@ from moveit6d import InputError, Mesh, make_renderer
 from moveit6d.config import TemplateConfig
 from moveit6d.estimation.detection.templates import (
     COLOUR_SPREAD,
-    GREY,
     TemplateStore,
     colour_cells,
     make_templates,
 )
+from moveit6d.observation import GREY
 from moveit6d.policies import NetworkPolicy
 
 FEW = TemplateConfig(rotations=12, coarse_rotations=4, channels=8)
@@ -42,6 +42,10 @@ def test_boxes_are_the_silhouettes(network: NetworkPolicy) -> None:
     boxes = make_templates(ball, network.descriptors, make_renderer(), FEW).fine.boxes
     expected = torch.tensor([-0.5, -0.5, 0.5, 0.5]).expand(12, 4)
     torch.testing.assert_close(boxes, expected, atol=0.03, rtol=0)
+    small = replace(FEW, width=48, distance=8.0)
+    bank = make_templates(ball, network.descriptors, make_renderer(), small)
+    assert bank.fine.cells == 6
+    torch.testing.assert_close(bank.fine.boxes, expected, atol=0.04, rtol=0)
 
 
 def test_grey_has_no_colour_and_red_has() -> None:

@@ -18,13 +18,12 @@ from ...frame import Frame, prepare_frame
 from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
-from ...policies import DescriptorPolicy, Policy, load_policy
-from ...rendering.backends import make_renderer
+from ...policies import DescriptorPolicy, Policy
 from ...rendering.renderer import Renderer
 from ...threads import checked_threads, with_own_threads
 from ...typing import ImageLike
 from ..contour_stage import refine_result
-from ..inputs import camera_of, meshes_of, pose_of
+from ..inputs import camera_of, meshes_of, policy_of, pose_of, renderer_of
 from ..refine import refine_starts
 from ..results import Refined, Start, TrackingResult
 from ..seed_detector import SeedDetection, SeedDetector
@@ -33,12 +32,11 @@ from ..visibility import check_start, start_problem
 from .matching import Candidates, Matcher, Pyramid, ladder
 from .points import poses_from_points
 from .region import SearchRegion
-from .templates import WIDTH, TemplateBank, TemplateStore
+from .templates import TemplateBank, TemplateStore
 from .verification import Evidence, similarities
 
-BATCH = 8  # loops that run side by side: a step of a search under a time limit is one batch
-BACKGROUND = 0.6  # scale of the whole image in which a narrowed search learns what is usual
-SAME_INSTANCE = 0.4  # of the object's width: nearer poses are one instance
+# Loops that run side by side. Small, because a search under a time limit goes on batch by batch.
+STEP_BATCH = 8
 
 DEFAULT, DEFAULT_SEEDS = TrackerConfig(), SeedDetectorConfig()
 
@@ -134,9 +132,9 @@ class PoseDetector:
         self.mesh, self.camera = meshes_of([mesh])[0], camera_of(camera)
         self.settings, self.config = config, config.detection
         self.threads = checked_threads(threads)
-        self.renderer = make_renderer() if renderer is None else renderer
+        self.renderer = renderer_of(renderer)
         self.store = store or TemplateStore()
-        self._policy: Policy = load_policy() if policy is None else policy
+        self._policy: Policy = policy_of(policy)
         self.seeds: SeedDetector | None = None
         if method == "seeds":
             self.seeds = SeedDetector(
@@ -248,7 +246,10 @@ class PoseDetector:
         """The frame at all scales, without its lens, described by this detector's policy."""
         pixels = frame.undistorted.pixels
         image = pixels if pixels.is_floating_point() else pixels.to(torch.float32) / 255
-        return Pyramid(image, self.policy.descriptors, self.config.match.local_mean)
+        config = self.config
+        return Pyramid(
+            image, self.policy.descriptors, config.match.local_mean, config.templates.width
+        )
 
     def _search(
         self, frame: Frame, region: SearchRegion, pyramid: Pyramid
@@ -256,11 +257,13 @@ class PoseDetector:
         """Candidates in the image, those first that match best."""
         bank, config = self.prepare(), self.config.match
         yield
-        low, high = region.widths(self.mesh, frame.camera, config.widths)
+        narrowing = self.config.region
+        low, high = region.widths(self.mesh, frame.camera, config.widths, narrowing)
         matcher = Matcher(bank, config, self.config.templates.colour)
-        window = region.window(self.mesh, frame.camera, high)
+        window = region.window(self.mesh, frame.camera, high, narrowing)
         if window is not None:
-            background = max(0.5 * (low + high), WIDTH / BACKGROUND)
+            finest = self.config.templates.width / narrowing.background_scale
+            background = max(0.5 * (low + high), finest)
             matcher.add(pyramid.level(background), background_only=True)
             yield
         for width in ladder(low, high, config.step):
@@ -268,7 +271,7 @@ class PoseDetector:
             yield
         allowed = None if region.empty else (
             lambda pixels, widths, views: region.allows(
-                self.mesh, frame.camera, pixels, widths, bank.fine.boxes[views]
+                self.mesh, frame.camera, pixels, widths, bank.fine.boxes[views], narrowing
             )
         )  # fmt: skip
         return matcher.candidates(allowed)
@@ -300,9 +303,9 @@ class PoseDetector:
                 poses = [one.centred for one in best if one.centred is not None]
             results = []
             loop = replace(self.settings.loop, max_iterations=iterations)
-            for first in range(0, len(poses), BATCH):
+            for first in range(0, len(poses), STEP_BATCH):
                 results += refine_starts(
-                    [Start(frame, self.mesh, pose) for pose in poses[first : first + BATCH]],
+                    [Start(frame, self.mesh, pose) for pose in poses[first : first + STEP_BATCH]],
                     policy=self.policy,
                     renderer=self.renderer,
                     loop=loop,
@@ -349,7 +352,7 @@ class PoseDetector:
         a, b = self.mesh.inner(one).translation, self.mesh.inner(other).translation
         aside = (self.camera.project(a) - self.camera.project(b)).norm()
         width = self.camera.fx * self.mesh.sphere_diameter / float(torch.minimum(a[2], b[2]))
-        return float(aside) < SAME_INSTANCE * width
+        return float(aside) < self.config.same_instance * width
 
 
 def _most_confident(results: Sequence[Refined], count: int) -> list[Refined]:

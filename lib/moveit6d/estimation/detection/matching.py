@@ -14,12 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from ...config import MatchConfig
-from .templates import CELL, WIDTH, Describe, TemplateBank, Templates, colour_cells
-
-SAMPLES = 100  # places of each level from which a template's usual score is learnt
-REACH = 2  # cells around a place in which each template finds its own best position
-SAME_PLACE = 0.35  # of the object's width: nearer peaks of nearly the same width are one place
-SAME_WIDTH = 1.43
+from .templates import CELL, Describe, TemplateBank, Templates, colour_cells
 
 Window = tuple[int, int, int, int]  # left, top, right, bottom in image pixels
 Allowed = Callable[[Tensor, Tensor, Tensor], Tensor]
@@ -90,10 +85,13 @@ def ladder(low: float, high: float, step: float) -> list[float]:
 
 
 class Pyramid:
-    """The levels of one image (3, H, W) in [0, 1]; each is made once, for all objects in it."""
+    """The levels of one image (3, H, W) in [0, 1]; each is made once, for all objects in it.
 
-    def __init__(self, image: Tensor, describe: Describe, local_mean: int) -> None:
-        self.image, self.describe, self.local_mean = image, describe, local_mean
+    `local_mean` is that of `MatchConfig`, `width` that of `TemplateConfig`.
+    """
+
+    def __init__(self, image: Tensor, describe: Describe, local_mean: int, width: int) -> None:
+        self.image, self.describe, self.local_mean, self.width = image, describe, local_mean, width
         self._levels: dict[tuple[float, Window | None], Level] = {}
 
     @torch.inference_mode()
@@ -107,7 +105,7 @@ class Pyramid:
     def _make(self, width: float, window: Window | None) -> Level:
         left, top, right, bottom = window or (0, 0, self.image.shape[2], self.image.shape[1])
         part = self.image[None, :, top:bottom, left:right]
-        scale = WIDTH / width
+        scale = self.width / width
         size = [max(2 * CELL, round(length * scale)) for length in part.shape[2:]]
         resized = functional.interpolate(
             part, size=size, mode="bilinear", antialias=True, align_corners=False
@@ -151,7 +149,7 @@ class Matcher:
         projected = torch.einsum("dhw,dc->chw", level.features, self.bank.fine.basis)
         channels = torch.cat([projected, self.colour * level.colours])
         padded = functional.pad(channels, [k // 2] * 4)
-        self._background.append(_random_windows(padded, k, SAMPLES, self._random))
+        self._background.append(_random_windows(padded, k, self.config.samples, self._random))
         if background_only:
             return
         batch = padded[None].contiguous(memory_format=torch.channels_last)
@@ -205,8 +203,9 @@ class Matcher:
     def _same(self, one: tuple[int, int, int], other: tuple[int, int, int]) -> bool:
         (u, v), (p, q) = self._pixel(*one), self._pixel(*other)
         a, b = self.levels[one[0]].width, self.levels[other[0]].width
-        near = math.hypot(u - p, v - q) <= SAME_PLACE * max(a, b)
-        return near and 1 / SAME_WIDTH < a / b < SAME_WIDTH
+        near = math.hypot(u - p, v - q) <= self.config.same_place * max(a, b)
+        ratio = self.config.same_width
+        return near and 1 / ratio < a / b < ratio
 
     def _pixel(self, level: int, row: int, column: int) -> tuple[float, float]:
         """Image pixel of the centre of a template at a position of the score map."""
@@ -275,7 +274,8 @@ class Matcher:
         x, y = self.levels[level].cell(u, v)
         middle = round((y, x)[axis] - self._shift)
         size = self._coarse[level].shape[1 + axis]
-        return range(max(middle - REACH, 0), min(middle + REACH + 1, size))
+        reach = self.config.reach
+        return range(max(middle - reach, 0), min(middle + reach + 1, size))
 
     def _tolerant(self, positions: list[tuple[int, int, int]], views: Tensor) -> Tensor:
         """Mean cosine where each cell may match one cell beside where it should: (N,)."""
@@ -316,4 +316,5 @@ def _spread(windows: Tensor, templates: Templates) -> tuple[Tensor, Tensor]:
     """Mean and standard deviation (N,) of each template's score over windows of the image."""
     scores = windows @ templates.kernels.flatten(1).mT
     deviation = scores.std(0)
+    # A template that scores nearly the same everywhere must not look sure by its small spread.
     return scores.mean(0), deviation.clamp(min=0.2 * float(deviation.mean()) + 1e-6)

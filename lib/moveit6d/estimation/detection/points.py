@@ -19,7 +19,7 @@ from ...geometry.camera import Camera
 from ...geometry.mesh import METRES
 from ...geometry.pose import Pose
 
-FEWEST = 4
+FEWEST = 4  # points: three leave several poses
 COLUMNS = ("u", "v", "x", "y", "z")
 
 

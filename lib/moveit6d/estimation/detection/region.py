@@ -13,16 +13,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from ...config import RegionConfig
 from ...errors import InputError
 from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 
-NEAR = 0.75  # widths of the object that one may have moved by, and still be near
-# A template's box agrees with the given one if their intersection over union is so large, or, where
-# the given one shows a part of a covered object, if it holds nearly all of it and they differ by no
-# more.
-BOX_OVERLAP, COVERED, PART_OVERLAP = 0.5, 0.9, 0.3
+DEFAULT = RegionConfig()
 
 
 @dataclass(frozen=True)
@@ -84,7 +81,9 @@ class SearchRegion:
         left, top = float(columns.min()) - 0.5, float(rows.min()) - 0.5
         return left, top, float(columns.max()) + 0.5 - left, float(rows.max()) + 0.5 - top
 
-    def window(self, mesh: Mesh, camera: Camera, width: float) -> tuple[int, int, int, int] | None:
+    def window(
+        self, mesh: Mesh, camera: Camera, width: float, config: RegionConfig = DEFAULT
+    ) -> tuple[int, int, int, int] | None:
         """The part of the image to look at (left, top, right, bottom); None for all of it.
 
         `width` is the largest one of the object that is tried, pixels.
@@ -92,19 +91,23 @@ class SearchRegion:
         frame = self.frame()
         if frame is None and self.near is not None:
             u, v = _pixel(mesh, self.near, camera).tolist()
-            reach = NEAR * _width(mesh, self.near, camera)
+            reach = config.near_shift * _width(mesh, self.near, camera)
             frame = u - reach, v - reach, 2 * reach, 2 * reach
         if frame is None:
             return None
         x, y, wide, high = frame
-        margin = 0.6 * width
+        margin = config.margin * width
         left, top = max(0, round(x - margin)), max(0, round(y - margin))
         right = min(camera.width, round(x + wide + margin))
         bottom = min(camera.height, round(y + high + margin))
         return (left, top, right, bottom) if left < right and top < bottom else None
 
     def widths(
-        self, mesh: Mesh, camera: Camera, shares: tuple[float, float]
+        self,
+        mesh: Mesh,
+        camera: Camera,
+        shares: tuple[float, float],
+        config: RegionConfig = DEFAULT,
     ) -> tuple[float, float]:
         """Smallest and largest width of the object's sphere in pixels that are to be tried.
 
@@ -118,18 +121,24 @@ class SearchRegion:
             low, high = focal * mesh.sphere_diameter / far, focal * mesh.sphere_diameter / near
         frame = self.frame()
         if frame is not None:
-            longest = max(frame[2], frame[3])
-            low, high = max(low, 0.85 * longest), min(high, 2.5 * longest)
-            low, high = min(low, longest * 2.5), max(high, longest)
+            longest, (least, most) = max(frame[2], frame[3]), config.box_ratio
+            low, high = max(low, least * longest), min(high, most * longest)
+            low, high = min(low, longest * most), max(high, longest)
         if self.near is not None:
-            size = _width(mesh, self.near, camera)
-            low, high = max(low, size / 1.5), min(high, size * 1.5)
+            size, ratio = _width(mesh, self.near, camera), config.near_ratio
+            low, high = max(low, size / ratio), min(high, size * ratio)
             if low > high:
-                low, high = size / 1.5, size * 1.5
+                low, high = size / ratio, size * ratio
         return low, max(low, high)
 
     def allows(
-        self, mesh: Mesh, camera: Camera, pixels: Tensor, sizes: Tensor, boxes: Tensor
+        self,
+        mesh: Mesh,
+        camera: Camera,
+        pixels: Tensor,
+        sizes: Tensor,
+        boxes: Tensor,
+        config: RegionConfig = DEFAULT,
     ) -> Tensor:
         """Which candidates (N) may be: centres (N, 2), sphere widths (N) and template boxes (N, 4).
 
@@ -140,11 +149,12 @@ class SearchRegion:
         if frame is not None:
             edges = pixels.repeat(1, 2) + boxes * sizes[:, None]
             union, covered = _overlap(edges, frame)
-            allowed &= (union >= BOX_OVERLAP) | ((covered >= COVERED) & (union >= PART_OVERLAP))
+            part = (covered >= config.part_covered) & (union >= config.part_overlap)
+            allowed &= (union >= config.box_overlap) | part
         if self.near is not None:
             centre = _pixel(mesh, self.near, camera)
             width = _width(mesh, self.near, camera)
-            allowed &= (pixels - centre).norm(dim=1) < NEAR * width
+            allowed &= (pixels - centre).norm(dim=1) < config.near_shift * width
         return allowed
 
 

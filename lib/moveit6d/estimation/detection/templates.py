@@ -20,18 +20,15 @@ from ...errors import InputError
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...geometry.rotation_grid import rotation_grid
+from ...observation import GREY
+from ...policies import BATCH_SIZE
 from ...rendering.renderer import Renderer
 from ...rendering.shading import shade_plain
 
-CELL = 8  # pixels a side that one descriptor stands for
-# Width of the object's bounding sphere in a template, pixels. With 91, as wide as in the patches of
-# the loop, no more places and views are right, and matching takes three times as long.
-WIDTH = 64
-PATCH = 96  # pixels a side of a rendering: its descriptors are centred over all of it
-GREY = 0.45  # around the object in a template: a dark background would be an outline of its own
-COLOUR_SPREAD = 0.15  # of opponent colours in ordinary images
-DISTANCE = 5.0  # sphere diameters from which templates are seen: nearly without perspective
-BATCH = 32  # renderings a pass of the network
+CELL = 8  # pixels a side that one descriptor stands for: the networks' stride
+MARGIN = 2  # cells around the object in a rendering: descriptors are centred over all of it
+# Of opponent colours in ordinary images: their unit. Their weight is `TemplateConfig.colour`.
+COLOUR_SPREAD = 0.15
 
 Describe = Callable[[Tensor], Tensor]
 
@@ -83,10 +80,10 @@ def make_templates(
     `describe` takes images (B, 3, H, W) in [0, 1] to descriptors (B, D, H / 8, W / 8).
     """
     sides = rotation_grid(config.rotations), rotation_grid(config.coarse_rotations)
-    views = [_views(mesh, rotations, describe, renderer) for rotations in sides]
+    views = [_views(mesh, rotations, describe, renderer, config) for rotations in sides]
     fine = views[0]
     basis = _principal_axes(fine.features.permute(0, 2, 3, 1)[fine.weight > 0], config.channels)
-    return TemplateBank(*(one.templates(basis, config.colour) for one in views))
+    return TemplateBank(*(one.templates(basis, config) for one in views))
 
 
 @dataclass(frozen=True)
@@ -107,14 +104,13 @@ class _Views:
         """Of each cell (N, h, w): its covered share, 0 under a half."""
         return torch.where(self.covered > 0.5, self.covered, 0.0)
 
-    def templates(self, basis: Tensor, colour: float) -> Templates:
+    def templates(self, basis: Tensor, config: TemplateConfig) -> Templates:
         """Project to a basis (D, C) and cut the middle out, where the object is."""
         weight = self.weight[:, None]
         projected = torch.einsum("bchw,cd->bdhw", self.features, basis)
-        kernels = torch.cat([projected, colour * self.colours], 1) * weight
+        kernels = torch.cat([projected, config.colour * self.colours], 1) * weight
         kernels = kernels / (weight.sum((2, 3), keepdim=True) + 1e-6)
-        edge = (PATCH - WIDTH) // CELL // 2
-        inner = slice(edge, edge + WIDTH // CELL)
+        inner = slice(MARGIN, MARGIN + config.width // CELL)
         return Templates(
             self.rotations,
             kernels[..., inner, inner].contiguous(memory_format=torch.channels_last),
@@ -124,18 +120,20 @@ class _Views:
         )
 
 
-def _views(mesh: Mesh, rotations: Tensor, describe: Describe, renderer: Renderer) -> _Views:
+def _views(
+    mesh: Mesh, rotations: Tensor, describe: Describe, renderer: Renderer, config: TemplateConfig
+) -> _Views:
     features, colours, covered, boxes = [], [], [], []
-    for first in range(0, len(rotations), BATCH):
-        some = rotations[first : first + BATCH]
-        images, mask = _render(mesh, some, renderer)
+    for first in range(0, len(rotations), BATCH_SIZE):
+        some = rotations[first : first + BATCH_SIZE]
+        images, mask = _render(mesh, some, renderer, config)
         described = describe(images)
         # The patch's mean says nothing about where a cell belongs on the object.
         described = described - described.mean((2, 3), keepdim=True)
         features.append(functional.normalize(described, dim=1))
         colours.append(colour_cells(images, described.shape[2:]))
         covered.append(functional.avg_pool2d(mask, CELL)[:, 0])
-        boxes.append(_boxes(mask[:, 0]))
+        boxes.append(_boxes(mask[:, 0], config.width))
     parts = (torch.cat(some) for some in (features, colours, covered, boxes))
     return _Views(rotations, *parts)
 
@@ -151,15 +149,18 @@ def colour_cells(images: Tensor, size: Sequence[int]) -> Tensor:
     return torch.cat(opponents, 1) / COLOUR_SPREAD
 
 
-def _render(mesh: Mesh, rotations: Tensor, renderer: Renderer) -> tuple[Tensor, Tensor]:
+def _render(
+    mesh: Mesh, rotations: Tensor, renderer: Renderer, config: TemplateConfig
+) -> tuple[Tensor, Tensor]:
     """Images (B, 3, H, W) on grey and masks (B, 1, H, W) of a mesh, by rotations (B, 3, 3)."""
-    count, middle = len(rotations), (PATCH - 1) / 2
-    place = torch.tensor([0.0, 0.0, DISTANCE * mesh.sphere_diameter], dtype=torch.float64)
-    focal = WIDTH * DISTANCE
+    count, size = len(rotations), config.width + 2 * MARGIN * CELL
+    middle = (size - 1) / 2
+    place = torch.tensor([0.0, 0.0, config.distance * mesh.sphere_diameter], dtype=torch.float64)
+    focal = config.width * config.distance
     rows = [[focal, 0.0, middle], [0.0, focal, middle], [0.0, 0.0, 1.0]]
     intrinsics = torch.tensor(rows, dtype=torch.float64).expand(count, 3, 3)
     poses = Pose(rotations, place.expand(count, 3))
-    seen = renderer.render([mesh] * count, poses, intrinsics, PATCH)
+    seen = renderer.render([mesh] * count, poses, intrinsics, size)
     images = shade_plain(seen).clamp(0, 1) * seen.mask + GREY * (1 - seen.mask)
     return images, seen.mask
 
@@ -171,8 +172,11 @@ def _principal_axes(cells: Tensor, count: int) -> Tensor:
     return axes[:, -min(count, axes.shape[1]) :].flip(1).contiguous()
 
 
-def _boxes(masks: Tensor) -> Tensor:
-    """Edges (B, 4) of masks (B, H, W) from their middle, in widths of the sphere; 0 if empty."""
+def _boxes(masks: Tensor, width: int) -> Tensor:
+    """Edges (B, 4) of masks (B, H, W) from their middle, in widths of the sphere; 0 if empty.
+
+    `width` is the sphere's in pixels.
+    """
     size = masks.shape[-1]
     line = torch.arange(size, dtype=torch.float32)
     found = []
@@ -182,7 +186,7 @@ def _boxes(masks: Tensor) -> Tensor:
         high = torch.where(there, line + 1, 0.0).amax(1)
         found.append((low.minimum(high), high))
     edges = torch.stack([found[0][0], found[1][0], found[0][1], found[1][1]], 1)
-    return (edges - size / 2) / WIDTH
+    return (edges - size / 2) / width
 
 
 class TemplateStore:

@@ -1,6 +1,6 @@
 """How likely a pose is right, by everything that can be seen there.
 
-Never moves a pose.
+Never changes a pose.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from ...config import VerificationConfig
 from ...frame import Frame
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
-from ...observation import observe
+from ...observation import GREY, observe
 from ...policies import DescriptorPolicy
 from ...rendering.renderer import Renderer
-from .templates import CELL, GREY
+from .templates import CELL
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ POINTS = 1000
 
 
 class Reading(StrEnum):
-    """How far m moves each of the six axes."""
+    """How far m perturbs each of the six axes."""
 
     FORMULA = "formula"  # as Eq. 3 stands: Δ m = 6 m units an axis
     TOTAL = "total"  # as the text's "270 actions apart": m units an axis, six axes

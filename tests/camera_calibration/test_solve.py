@@ -2,59 +2,16 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from moveit6d.camera_calibration import Board, Corners, calibrate, choose_views
 from moveit6d.errors import InputError
 from moveit6d.geometry.camera import Camera
-
-WIDTH, HEIGHT = 480, 360
-STANDARD = Camera(400, 404, 236, 182, WIDTH, HEIGHT, (-0.25, 0.08, 0.001, -0.001, 0.0))
-FISHEYE = Camera(380, 384, 243, 176, WIDTH, HEIGHT, (-0.03, 0.01, -0.004, 0.001), "fisheye")
-SQUARE = 40  # pixels of the printed board
-
-
-@lru_cache(maxsize=4)
-def rays(camera: Camera) -> NDArray[np.float64]:
-    """Where each pixel of a picture twice as fine looks, by OpenCV: (2H · 2W, 3)."""
-    x, y = np.meshgrid(np.arange(2 * WIDTH), np.arange(2 * HEIGHT))
-    pixels = ((np.stack([x, y], -1).reshape(-1, 1, 2) + 0.5) / 2 - 0.5).astype(np.float64)
-    module = cv2.fisheye if camera.distortion_model == "fisheye" else cv2
-    plane = module.undistortPoints(pixels, camera.matrix.numpy(), np.array(camera.distortion))
-    return np.column_stack([plane.reshape(-1, 2), np.ones(len(pixels))])
-
-
-def photo(board: Board, camera: Camera, turn: Any, shift: Any) -> NDArray[np.uint8]:
-    """The board (x right, y down, in squares) before grey, as the camera sees it."""
-    plane = np.column_stack([turn[:, 0], turn[:, 1], shift])
-    place = rays(camera) @ np.linalg.inv(plane).T
-    spot = ((place[:, :2] / place[:, 2:] + 1) * SQUARE - 0.5).astype(np.float32)
-    spot = spot.reshape(2 * HEIGHT, 2 * WIDTH, 2)
-    drawn = cv2.remap(
-        board.draw(SQUARE, SQUARE), spot[..., 0], spot[..., 1], cv2.INTER_LINEAR, borderValue=128
-    )
-    small = cv2.resize(drawn, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
-    return np.asarray(small)[..., None].repeat(3, -1)
-
-
-def photos(board: Board, camera: Camera, count: int) -> list[NDArray[np.uint8]]:
-    """Photos from all sides: near and far, tilted, in every part of the picture."""
-    random = np.random.default_rng(0)
-    middle, found = np.array([board.columns / 2, board.rows / 2, 0.0]), []
-    for _ in range(count):
-        angles = [*random.uniform(-40, 40, 2), random.uniform(-20, 20)]
-        turn = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
-        depth = random.uniform(1.5, 2.2) * board.rows
-        centre = np.array([*random.uniform(-0.25, 0.25, 2) * depth, depth])
-        found.append(photo(board, camera, turn, centre - turn @ middle))
-    return found
+from tests.support.board_photos import FISHEYE, HEIGHT, STANDARD, WIDTH, photos
 
 
 @pytest.mark.parametrize(
@@ -130,23 +87,3 @@ def test_views_are_chosen_to_differ() -> None:
     chosen = choose_views(views + same, WIDTH, HEIGHT, 10)
     assert len(chosen) == 10 and len([number for number in chosen if number < 10]) >= 9
     assert choose_views(views, WIDTH, HEIGHT, 40) == list(range(10))
-
-
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: Board("charuco", 2, 7), "3 to 50"),
-        (lambda: Board("charuco", 5, 7, "nonsense"), "4x4_50"),
-        (lambda: Board("charuco", 20, 30, "4x4_50"), "more markers"),
-    ],
-)
-def test_impossible_boards_are_refused(make: Any, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        make()
-
-
-def test_a_picture_without_a_board_has_no_corners() -> None:
-    random = np.random.default_rng(0)
-    noise = random.integers(0, 255, (HEIGHT, WIDTH, 3), dtype=np.uint8)
-    assert Board("charuco", 5, 7).find(noise) is None
-    assert Board("chessboard", 6, 7).find(np.full_like(noise, 128)) is None

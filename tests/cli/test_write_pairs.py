@@ -1,32 +1,14 @@
-"""`moveit6d contact-sheet` and `moveit6d write-pairs`."""
+"""`moveit6d write-pairs`: parts that are kept, and parts that are none."""
 
 from pathlib import Path
 
-import numpy as np
 import pytest
-from PIL import Image
 
 from moveit6d.cli.main import main
 from moveit6d.synthesis.training.shards import open_shards, read_shard
-from tests.support.pairs import CONFIGS, photos
+from tests.support.pairs import CONFIGS
 
 pytestmark = pytest.mark.filterwarnings("ignore")
-
-
-@pytest.fixture
-def small(tmp_path: Path) -> list[str]:
-    """Options for one made object and one picture."""
-    folder = tmp_path / "photos"
-    folder.mkdir()
-    Image.fromarray(photos()[0]).save(folder / "0.png")
-    return ["--set", f"data.photos={folder}", "--set", "data.shapes=1"]
-
-
-def test_a_contact_sheet_without_a_configuration(tmp_path: Path, small: list[str]) -> None:
-    path = tmp_path / "sheet.png"
-    assert main(["contact-sheet", *small, "--count", "2", "--output", str(path)]) == 0
-    sheet = np.asarray(Image.open(path))
-    assert sheet.shape == (140, 2 * 524, 3) and sheet[6:134, 6:134].std() > 5
 
 
 def test_pairs_are_written_in_parts_and_kept(

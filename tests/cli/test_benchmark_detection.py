@@ -1,0 +1,80 @@
+"""`moveit6d benchmark detection`, `recovery` and `motion`: tables and kept tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from moveit6d.cli.benchmark_detection import _photos
+from moveit6d.cli.main import main
+from moveit6d.datasets.pose_files import read_poses
+
+FAST = [
+    "--detection.templates.rotations", "40", "--detection.templates.coarse_rotations", "20",
+    "--detection.match.widths", "[0.5, 0.9]", "--detection.stages", "[[4, 2]]",
+    "--detection.match.candidates", "4",
+]  # fmt: skip
+
+
+@pytest.fixture
+def photos(tmp_path: Path) -> Path:
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    for number in range(3):
+        Image.fromarray(np.full((60, 80, 3), 60 * number, np.uint8)).save(folder / f"{number}.png")
+    return folder
+
+
+def table(text: str) -> dict[str, list[str]]:
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines()]
+    return {row[0]: row[1:] for row in rows if len(row) > 2 and not row[0].startswith("-")}
+
+
+def test_detection_counts_frames_and_claims(
+    make_sequence: Callable[..., Any], photos: Path, tmp_path: Path, capsys: Any
+) -> None:
+    made = make_sequence("easy_00", frames=2)
+    objects = tmp_path / "objects"
+    objects.mkdir()
+    (objects / "brick.ply").write_bytes((made.folder / "mesh.ply").read_bytes())
+    command = ["benchmark", "detection", "--sequences", str(made.folder.parent), "--every", "3"]
+    command += ["--photos", str(photos), "--objects", str(objects), "--limit", "1"]
+    assert main([*command, *FAST]) == 0
+    found = table(capsys.readouterr().out)
+    assert found["easy"][0] == "1", "frame 0"
+    assert found["all"][:2] == ["1", "0.0 %"], "the last table: no pose in a photo is right"
+    assert main(["benchmark", "detection"]) == 2
+    assert "give --sequences" in capsys.readouterr().err
+
+
+def test_recovery_keeps_the_tracks(
+    make_sequence: Callable[..., Any], scene: Any, use_oracle: Callable[..., None], photos: Path,
+    tmp_path: Path, capsys: Any,
+) -> None:  # fmt: skip
+    made = make_sequence("hard_01", frames=4, still=True)
+    use_oracle(scene.mesh, made.poses[0])
+    command = ["benchmark", "recovery", "--sequences", str(made.folder.parent)]
+    command += ["--photos", str(photos), "--output", str(tmp_path / "tracks")]
+    assert main(command) == 0
+    found = table(capsys.readouterr().out)
+    assert {"hard_01", "hard", "all"} <= set(found)
+    assert found["all"] == ["–", "–", "0.0 %", "100.0 %"], "it never went away"
+    rows = read_poses(tmp_path / "tracks" / "hard_01.csv")
+    assert [row.frame for row in rows] == [0, 1, 2, 3]
+
+
+def test_motion_refuses_speeds_that_cannot_be(capsys: Any) -> None:
+    assert main(["benchmark", "motion", "--speeds", "-1"]) == 2
+    assert main(["benchmark", "motion", "--frames", "1"]) == 2
+    assert capsys.readouterr().err.count("--frames must be 2 or more") == 2
+
+
+def test_photos_are_chosen_evenly(photos: Path) -> None:
+    assert [name for name, _ in _photos(photos, 2)] == ["0.png", "2.png"]
+    assert [name for name, _ in _photos(photos, 1)] == ["0.png"]
+    assert len(_photos(photos, None)) == len(_photos(photos, 9)) == 3

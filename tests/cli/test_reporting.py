@@ -1,0 +1,46 @@
+"""Reports and logs of a track: written, after Ctrl-C too, and refused where they cannot be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.support.clip import Clip
+
+Make = Callable[..., Any]
+
+
+def test_a_report_is_written_and_after_ctrl_c_too(
+    clip: Clip, tmp_path: Path, interrupt_update: Callable[[int], None]
+) -> None:
+    (clip.folder / "frames" / "000001.png").write_bytes(b"\x89PNG broken")
+    page = tmp_path / "page" / "report.html"
+    assert clip.track("--no_overlay", "--report", str(page)) == 0
+    text = page.read_text()
+    assert "5 frames, 1 without a pose" in text and "not a readable image" in text
+    assert text.count("<tr ") == 5 and text.count("data:image/jpeg") == 10
+
+    interrupt_update(3)
+    assert clip.track("--no_overlay", "--report", str(page)) == 130
+    assert "3 frames, 1 without a pose" in page.read_text()
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_log_for_rerun_is_written(clip: Clip, tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    assert clip.track("--no_overlay", "--rerun", str(tmp_path / "run.rrd")) == 0
+    assert (tmp_path / "run.rrd").stat().st_size > 10_000
+
+
+def test_a_camera_allows_no_report(
+    clip: Clip, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    from moveit6d.datasets import video
+
+    camera = video.LiveCamera.__new__(video.LiveCamera)
+    monkeypatch.setattr(video, "open_frames", lambda source: camera)
+    assert clip.track("--report", str(tmp_path / "report.html"), video="0") == 2
+    assert "record it first" in capsys.readouterr().err

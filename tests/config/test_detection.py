@@ -1,0 +1,32 @@
+"""The settings of detection refuse what cannot be right, and say which field it is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from moveit6d.config import MatchConfig, RegionConfig, SeedDetectorConfig, TemplateConfig
+from moveit6d.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "message"),
+    [
+        (TemplateConfig, {"channels": 0}, "channels must be 1 or more"),
+        (TemplateConfig, {"width": 60}, "width must be a multiple of 8"),
+        (TemplateConfig, {"distance": 0.5}, "distance must be 1"),
+        (MatchConfig, {"widths": (0.5, 0.1)}, "widths must be two positive shares"),
+        (MatchConfig, {"views": 0}, "views, candidates and local_mean must be 1"),
+        (MatchConfig, {"samples": 1}, "samples must be 2 or more"),
+        (RegionConfig, {"box_ratio": (1.2, 2.5)}, "box_ratio must be two"),
+        (RegionConfig, {"margin": -0.1}, "margin 0 or more"),
+        (SeedDetectorConfig, {"sizes": ()}, "sizes must be positive shares"),
+        (SeedDetectorConfig, {"sinks": 0}, "poses, sinks and rotations must be 1"),
+        (SeedDetectorConfig, {"max_seeds": 2}, "max_seeds 3 or more"),
+        (SeedDetectorConfig, {"criterion": "luck"}, "no criterion 'luck'"),
+    ],
+)
+def test_what_cannot_be_right_is_refused(kind: type, given: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=f"{kind.__name__}: .*{message}"):
+        kind(**given)

@@ -1,0 +1,31 @@
+"""The settings of the loop: limits by mode, and what cannot be right."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from moveit6d.config import ActionMode, LoopConfig
+from moveit6d.errors import InputError
+
+
+def test_the_limit_of_iterations_is_the_modes_unless_it_is_given() -> None:
+    assert LoopConfig().limit(ActionMode.SINGLE) == 30
+    assert LoopConfig().limit(ActionMode.ALL_AXES) == 8
+    assert LoopConfig(max_iterations=3).limit(ActionMode.SINGLE) == 3
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"mode": "both"}, "no mode 'both'; choose one of single, all_axes"),
+        ({"max_iterations": 0}, "max_iterations must be 1 or more, found 0"),
+        ({"step_size": 0.0}, "step_size must be positive"),
+        ({"fine_scale": 0.5}, "fine_scale 1 or more"),
+        ({"width_error": 0.0}, "width_error must be positive"),
+    ],
+)
+def test_what_cannot_be_right_is_refused(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        LoopConfig(**given)

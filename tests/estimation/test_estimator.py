@@ -1,0 +1,67 @@
+"""Single images: what fits the camera is refined, what does not is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from moveit6d.config import ActionMode, LoopConfig, TrackerConfig
+from moveit6d.errors import InputError
+from moveit6d.estimation import PoseEstimator
+from moveit6d.geometry.camera import Camera
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.pose import Pose
+from moveit6d.policies import OraclePolicy
+
+CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
+GRAY = np.full((240, 320, 3), 128, np.uint8)
+START = Pose(torch.eye(3).double(), torch.tensor([0.0, 0.0, 0.7], dtype=torch.float64))
+TRUTH = Pose(torch.eye(3).double(), torch.tensor([0.004, 0.0, 0.7], dtype=torch.float64))
+
+
+def estimator(mesh: Mesh, camera: Camera = CAMERA, augment: bool = True) -> PoseEstimator:
+    policy = OraclePolicy(Pose.stack([mesh.inner(TRUTH)]), ActionMode.ALL_AXES)
+    config = TrackerConfig(loop=LoopConfig(augment=augment))
+    return PoseEstimator(mesh, camera, policy=policy, config=config)
+
+
+@pytest.mark.parametrize(
+    ("image", "message"),
+    [
+        (np.zeros((240, 320, 3), np.uint16), "uint16"),
+        (np.zeros((480, 640, 3), np.uint8), "640×480"),
+        (np.full((240, 320, 3), 200.0), r"\[0, 1\]"),
+        ("picture.png", "array"),
+    ],
+)
+def test_images_that_do_not_fit_are_refused(brick: Mesh, image: object, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        estimator(brick).refine(image, START)  # type: ignore[arg-type]
+
+
+def test_a_start_out_of_sight_is_refused(brick: Mesh) -> None:
+    behind = Pose(START.rotation, -START.translation)
+    with pytest.raises(InputError, match="behind the camera"):
+        estimator(brick).refine(GRAY, behind)
+
+
+@pytest.mark.parametrize(
+    ("image", "camera"),
+    [
+        (GRAY, CAMERA),
+        (GRAY.astype(np.float32) / 255, CAMERA),
+        (GRAY, Camera(300, 300, 159.5, 119.5, 320, 240, (0.1, -0.05, 0.0, 0.0, 0.0))),
+    ],
+)
+def test_bytes_floats_and_lenses_lead_to_the_truth(
+    brick: Mesh, image: np.ndarray, camera: Camera
+) -> None:
+    found = estimator(brick, camera).refine(image, START)
+    assert found.pose is not None
+    assert float((found.pose.translation - TRUTH.translation).norm()) < 0.001
+
+
+def test_augmentation_is_one_more_iteration(brick: Mesh) -> None:
+    without, with_it = (estimator(brick, augment=a).refine(GRAY, START) for a in (False, True))
+    assert with_it.iterations == without.iterations + 1

@@ -1,0 +1,30 @@
+"""The runtime table: beside the paper's, without rendering."""
+
+from __future__ import annotations
+
+from moveit6d.datasets.sequences import Sequence
+from moveit6d.evaluation.iteration_timing import IterationTimes
+from moveit6d.evaluation.reproduce import runtime
+from moveit6d.evaluation.reproduce.tracks import ScoredTrack
+from moveit6d.geometry.pose import Pose
+
+
+def test_runtime_stands_beside_the_paper_without_rendering(video: Sequence) -> None:
+    parts = {"crop": 2.0, "render": 3.0, "observe": 0.5, "network": 11.0, "move": 1.0}
+    truth = Pose.identity(4)
+    track = ScoredTrack(video, (1, 2, 3, 4), truth, truth, 0, (2, 2, 3, 3), (40.0,) * 4)
+    found = runtime.reproduction(IterationTimes(parts, 17.5, 18.0), [track], "surrogate", {})
+    iteration = {row[0]: row[1:] for row in found.tables[0].rows}
+    assert iteration["image preprocessing (crop, resize)"] == (2.5, 14.6)
+    assert iteration["iteration without rendering"] == (14.5, 19.8)
+    assert iteration["network"] == (11.0, 5.2) and iteration["whole iteration, rendering too"] == (
+        18.0,
+        None,
+    )
+    frames = {row[0]: row[1:] for row in found.tables[1].rows}
+    assert frames["all frames"] == (4, 2.5, 2.5 * 14.5, 40.0)
+    assert frames["paper (YCB-Video)"] == (None, 4.2, 83.16, None)
+    assert (
+        len(runtime.reproduction(IterationTimes(parts, 17.5, 18.0), [], "surrogate", {}).tables)
+        == 1
+    )

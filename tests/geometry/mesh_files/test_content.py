@@ -1,0 +1,34 @@
+"""What is taken note of while a mesh file is read: looks that are lost, each once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from moveit6d.errors import InputError
+from moveit6d.geometry.mesh_files.content import ALLOW, MeshContent
+
+
+def test_lost_looks_are_refused_with_the_remedy() -> None:
+    content = MeshContent(Path("drill.obj"))
+    with pytest.raises(InputError) as caught:
+        content.lost("skin.png is missing", "put it beside the file")
+    assert str(caught.value) == (
+        f"drill.obj: skin.png is missing; put it beside the file, or {ALLOW}."
+    )
+    assert content.warnings == []
+
+
+def test_where_it_is_allowed_each_loss_is_one_warning() -> None:
+    content = MeshContent(Path("drill.obj"), allow_untextured=True)
+    for what in ("skin.png is missing", "material steel is missing", "skin.png is missing"):
+        content.lost(what, "put it beside the file")
+    assert content.warnings == ["skin.png is missing", "material steel is missing"]
+
+
+def test_what_the_file_names_is_listed_once() -> None:
+    content = MeshContent(Path("drill.obj"))
+    for name in ("steel", "rubber", "steel"):
+        content.name(name)
+    assert content.named == ["steel", "rubber"]
