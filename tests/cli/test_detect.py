@@ -114,7 +114,7 @@ def test_what_is_known_comes_from_files(
     assert near(Pose.load(folder / "out" / "pose.json"), true)
     capsys.readouterr()
     assert detect(["b.png"], "--mask", str(brick_file)) == 2
-    assert "cannot be read as a picture" in capsys.readouterr().err
+    assert "is not a readable image" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

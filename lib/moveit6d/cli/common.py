@@ -220,6 +220,12 @@ def weights_facts(path: Path | None) -> dict[str, str | None]:
     }
 
 
+def run_facts(args: argparse.Namespace) -> dict[str, Any]:
+    """What poses depend on by the options of `add_tracking_options`, as a journal holds it."""
+    setting = {key: str(value) for key, value in vars(Setting.of(args)).items() if key != "threads"}
+    return {"setting": setting, "weights": weights_facts(args.weights)["weights_sha256"]}
+
+
 def given(args: argparse.Namespace) -> dict[str, Any]:
     """The arguments of a command as JSON can hold them."""
     return {

@@ -89,7 +89,7 @@ def open_frames(source: str | Path | int) -> FrameSource:
 
 def image_size(path: Path) -> tuple[int, int]:
     """Width and height of an image, of which no more than the header is read."""
-    with _opened(path) as opened:
+    with opened_image(path) as opened:
         return int(opened.size[0]), int(opened.size[1])
 
 
@@ -100,13 +100,13 @@ def read_image(path: Path) -> Image:
     """
     from PIL import ImageOps
 
-    with _opened(path) as opened:
+    with opened_image(path) as opened:
         deep = is_deep(opened)
         return deep_rgb(path) if deep else to_rgb8(ImageOps.exif_transpose(opened), path)
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
+def opened_image(path: Path) -> Iterator[Any]:
     """An image file, opened by Pillow; whatever goes wrong with it is an `InputError`."""
     from PIL import Image as Pillow
 

@@ -26,8 +26,8 @@ MOST_ELEMENTS = 200_000_000
 # Extensions that change the geometry or the looks and are understood here, or change neither.
 UNDERSTOOD = {
     "KHR_texture_transform", "KHR_materials_pbrSpecularGlossiness", "KHR_mesh_quantization",
-    "KHR_draco_mesh_compression", *MESHOPT, "EXT_texture_webp", "EXT_texture_avif", "MSFT_texture_dds",
-    "KHR_materials_unlit", "KHR_lights_punctual", "KHR_xmp_json_ld", "KHR_xmp",
+    "KHR_draco_mesh_compression", *MESHOPT, "EXT_texture_webp", "EXT_texture_avif",
+    "MSFT_texture_dds", "KHR_materials_unlit", "KHR_lights_punctual", "KHR_xmp_json_ld", "KHR_xmp",
     "KHR_materials_variants", "KHR_animation_pointer", "KHR_node_visibility",
 }  # fmt: skip
 REMEDY = "export the file without it (Blender: glTF 2.0 with default settings)"
