@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ..geometry.pose import Pose
 
 NOT_FOUND = 3
+POINTS_ERROR = "points_error_pixels"  # in detection.json, where the points alone say the pose
 # What a run writes beside poses.csv and the pictures of several images.
 WRITTEN = ("pose.json", "overlay.png", "detection.json")
 
@@ -125,7 +126,7 @@ def _verdict(args: argparse.Namespace, answers: Sequence[_Answer], output: Path)
         what = str(args.image[0]) if len(answers) == 1 else f"{len(answers)} images"
         print(
             f"moveit6d: {what}: the object was not found (probability of the best pose "
-            f"{best:.2f}); narrow the search by --box, --mask, --points or --distance.",
+            f"{best:.2f}){_advice(args)}.",
             file=sys.stderr,
         )
         return NOT_FOUND
@@ -136,22 +137,31 @@ def _verdict(args: argparse.Namespace, answers: Sequence[_Answer], output: Path)
     return 0
 
 
+def _advice(args: argparse.Namespace) -> str:
+    """What could still narrow the search."""
+    names = [f"--{name}" for name in ("box", "mask", "points", "distance", "start")
+             if getattr(args, name) is None]  # fmt: skip
+    return f"; narrow the search by {' or '.join(names)}" if names else ""
+
+
 def _rows(frame: VideoFrame, answer: _Answer) -> list[PoseRow]:
     """A row for each instance; one without a pose if there is none."""
     from ..datasets.pose_files import PoseRow
 
+    unsure = answer.error is not None or POINTS_ERROR in (answer.facts or {})
     if not answer.poses:
-        state = "uncertain" if answer.error else "lost"
+        state = "uncertain" if unsure else "lost"
         return [
             PoseRow(
                 frame.index, frame.name, stopped_by="failed", confidence=answer.best,
                 milliseconds=answer.milliseconds, state=state,
             )
         ]  # fmt: skip
+    state = "uncertain" if unsure else "tracking"
     return [
         PoseRow(
             frame.index, frame.name, pose, iterations, "max_iterations", probability,
-            answer.milliseconds, state="tracking",
+            answer.milliseconds, state=state,
         )
         for pose, probability, iterations in answer.poses
     ]  # fmt: skip
@@ -252,7 +262,25 @@ def _detected(
     found = detector.detect(frame.image, instances=instances, **known)
     spent = (time.perf_counter() - begin) * 1e3
     poses = tuple((one.pose, one.probability, one.result.iterations) for one in found.instances)
-    return _Answer(poses, found.probability, spent, _facts(found))
+    facts = _facts(found)
+    if known["points"] is not None and not poses:
+        pose, error = _clicked(known["points"], detector.camera)
+        note(
+            f"{frame.name}: the image does not confirm the pose of --points (probability "
+            f"{found.probability:.2f}), which is written as they say; they are {error:.1f} pixels "
+            "off it."
+        )
+        poses = ((pose, found.probability, 0),)
+        facts[POINTS_ERROR] = round(error, 2)
+    return _Answer(poses, found.probability, spent, facts)
+
+
+def _clicked(points: Any, camera: Camera) -> tuple[Pose, float]:
+    """The pose that points say, and how far they are off it."""
+    from ..estimation.detection.points import poses_from_points, reprojection_error
+
+    pose = poses_from_points(points, camera)[0]
+    return pose, reprojection_error(points, pose, camera)
 
 
 def _facts(found: Detection) -> dict[str, Any]:

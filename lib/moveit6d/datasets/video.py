@@ -11,10 +11,11 @@ import re
 import threading
 import warnings
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
+from urllib.parse import unquote, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,16 +75,22 @@ def open_frames(source: str | Path | int) -> FrameSource:
 
         if is_address(source):
             return NetworkVideo(source)
+        if source.startswith("file://"):
+            source = unquote(urlsplit(source).path)
     path = Path(source)
-    if path.is_dir():
-        return ImageFolder(path)
-    if path.exists():
-        return VideoFile(path)
+    device = re.fullmatch(r"/dev/video(\d{1,3})", str(path))
+    if device is not None:
+        return LiveCamera(int(device[1]))
+    with suppress(OSError):  # of a path that is too long
+        if path.is_dir():
+            return ImageFolder(path)
+        if path.exists():
+            return VideoFile(path)
     if str(source).isdecimal() and len(str(source)) < 4:
         return LiveCamera(int(str(source)))
     raise InputError(
-        f"{path} does not exist: give a folder of images, a video, an address (rtsp://…, http://…) "
-        "or a camera index."
+        f"{str(path)[:200]} does not exist: give a folder of images, a video, an address "
+        "(rtsp://…, http://…) or a camera index."
     )
 
 

@@ -104,7 +104,7 @@ class GltfFile:
         if uri.startswith("data:"):
             head, _, data = uri.partition(",")
             return base64.b64decode(data) if head.endswith(";base64") else unquote_to_bytes(data)
-        found = find_beside(self.path.parent, uri)
+        found = find_beside(self.path, uri)
         if found is None:
             raise InputError(f"{self.path}: {what} is the file {uri[:200]!r}, which is not there.")
         return read_bytes(found)
