@@ -81,7 +81,7 @@ def _reduced(image: Any) -> Picture:
 
     size = image.size
     image.draft(None, (MAX_TEXTURE, MAX_TEXTURE))  # JPEG: decode no more than is wanted
-    steps = max(image.size) // MAX_TEXTURE
+    steps = max(image.size) // (2 * MAX_TEXTURE)
     if steps > 1 and image.mode in ("RGB", "L", "CMYK", "YCbCr"):
         image = image.reduce(steps)  # at once, or a copy of the whole would need as much again
     if image.mode.startswith("I"):  # 16 bits: Pillow would clip instead of scale
