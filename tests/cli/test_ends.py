@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import torch
 
+from moveit6d.cli.main import main
 from moveit6d.datasets.bop import Estimate, Instance, read_results, write_results
 from moveit6d.datasets.bop_writer import BopImage, write_bop
 from moveit6d.datasets.pose_files import read_poses
@@ -155,3 +156,51 @@ def test_a_full_disk_keeps_what_was_refined(
     assert code == 2 and "cannot be written: File too large" in sentence(said)
     assert forks.run(*refine, "--resume", oracle=oracle, kill=(image, 2))[0] == 0
     assert len(read_results(tmp_path / "refined.csv")) == 2
+
+
+@pytest.mark.parametrize(
+    ("verb", "options", "work"),
+    [
+        ("track", ("--output",), "moveit6d.estimation.PoseTracker.update"),
+        ("refine", ("--output",), "moveit6d.cli.refine.refine_image"),
+        ("calibrate", ("--output",), "moveit6d.cli.calibrate._views"),
+        (
+            "benchmark",
+            ("--output", "--report", "--rerun"),
+            "moveit6d.cli.benchmark_tracking.chosen",
+        ),
+    ],
+)
+@pytest.mark.parametrize("kind", ["below a file", "read-only"])
+def test_a_place_that_cannot_be_written_is_said_before_the_work(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str], verb: str, options: tuple[str, ...], work: str, kind: str,
+) -> None:  # fmt: skip
+    def never(*_: Any, **__: Any) -> Any:
+        raise AssertionError("work was begun")
+
+    monkeypatch.setattr(work, never)
+    place = tmp_path / "place"
+    if kind == "read-only":  # which the superuser of a container would not notice
+        place.mkdir()
+        touch = Path.touch
+
+        def refused(path: Path, *more: Any) -> None:
+            if path.parent.is_relative_to(place):
+                raise PermissionError(13, "Permission denied")
+            touch(path, *more)
+
+        monkeypatch.setattr(Path, "touch", refused)
+    else:
+        place.write_text("a file")
+    words = {
+        "calibrate": ["calibrate", "--video", str(tmp_path)],
+        "benchmark": ["benchmark", "tracking", "--sequences", str(tmp_path)],
+    }
+    given = words[verb] if verb in words else list(request.getfixturevalue(verb))
+    if "--output" in given:
+        del given[given.index("--output") : given.index("--output") + 2]
+    for option in options:
+        assert main([*given, option, str(place / "new")]) == 2
+        assert "cannot be" in sentence(capsys.readouterr().err)
+    assert not any(tmp_path.rglob("*.probe"))
