@@ -21,7 +21,8 @@ from pytorch_lightning.cli import LightningArgumentParser, LightningCLI
 
 from moveit6d.checks import reading
 from moveit6d.errors import InputError
-from moveit6d.io import read_text
+from moveit6d.io import check_writable, read_text
+from moveit6d.networks.weights_file import WEIGHTS_NAME
 
 from .callbacks import FigureLine, WeightsExport
 from .pair_data_module import PairDataModule
@@ -67,6 +68,10 @@ class FitCLI(LightningCLI):
         """Make what the configuration names; what cannot be made is an `InputError`."""
         with reading("the configuration of the fit"):
             super().instantiate_classes()
+
+    def before_fit(self) -> None:
+        """Say before the work where nothing can be written."""
+        check_writable(Path(self.config["fit"]["output"]) / WEIGHTS_NAME)
 
     def before_instantiate_classes(self) -> None:
         """Limit the threads, and settle the memory, before anything is computed."""
@@ -156,6 +161,12 @@ def _run(kind: type[FitCLI], arguments: Sequence[str]) -> FitCLI:
         text = " ".join(str(error.message).split())
         remedy = "`moveit6d fit --all_options` lists what there is"
         raise InputError(f"fit: {text[:300].rstrip('.')}; {remedy}.") from error
+    except OSError as error:  # the disk is full, or gone
+        place = f" {error.filename}" if error.filename else ""
+        raise InputError(
+            f"fit: a file cannot be written or read{place} ({error.strerror or error}); the last "
+            "checkpoint is kept, and the same command goes on from it."
+        ) from error
     except InputError as error:
         raise InputError(_sentence(str(error))) from error
     except SystemExit as end:

@@ -5,7 +5,9 @@ Never knows what the content means.
 
 from __future__ import annotations
 
+import codecs
 import glob
+import io
 import json
 import math
 import os
@@ -136,18 +138,24 @@ def read_json_list(path: Path) -> list[Any]:
 
 
 def read_text(path: Path) -> str:
-    """A text file in UTF-8, with or without a mark; `InputError` for anything else."""
+    """A text file in UTF-8, with or without a mark, or in UTF-16 with one.
+
+    `InputError` for anything else.
+    """
     try:
         if path.exists() and not path.is_file():  # a pipe would never end
             raise InputError(f"{path} is not a regular file.")
         if path.stat().st_size > LARGEST_TEXT:
             raise InputError(f"{path} is larger than {LARGEST_TEXT >> 20} MB; that is no text.")
-        return path.read_text(encoding="utf-8-sig")
+        content = path.read_bytes()
+        if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):  # as PowerShell writes
+            return content.decode("utf-16")
+        return io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig").read()
     except FileNotFoundError:
         raise InputError(f"{path} does not exist.") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
-    except ValueError as error:  # not UTF-8, or a path with a zero byte
+    except ValueError as error:  # neither encoding, or a path with a zero byte
         raise InputError(f"{path} is not a text file: {str(error)[:120]}.") from error
 
 

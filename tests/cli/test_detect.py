@@ -105,7 +105,44 @@ def test_what_is_known_comes_from_files(
     assert near(Pose.load(folder / "out" / "pose.json"), true)
     capsys.readouterr()
     assert detect(["b.png"], "--mask", str(brick_file)) == 2
-    assert "cannot be read as a picture" in capsys.readouterr().err
+    assert "is not a readable image" in capsys.readouterr().err
+
+
+def test_points_are_a_start_where_the_mesh_has_no_colours(
+    folder: Path, scene: Any, capsys: Any
+) -> None:
+    true = scene.pose(0)
+    corners = scene.mesh.vertices[::9].astype(float) + scene.mesh.center
+    rows = [f"v {x} {y} {z}" for x, y, z in scene.mesh.vertices + scene.mesh.center]
+    rows += [f"f {a} {b} {c}" for a, b, c in scene.mesh.faces + 1]
+    (folder / "plain.obj").write_text("\n".join(rows))
+    pixels = scene.camera.project(true.transform(torch.from_numpy(corners))).numpy()
+    np.savetxt(folder / "points.csv", np.concatenate([pixels, corners], 1), delimiter=",")
+    words = ["detect", "--mesh", str(folder / "plain.obj"), "--mesh_unit", "m", "--camera",
+             str(folder / "camera.json"), "--points", str(folder / "points.csv"), "--image",
+             str(folder / "none.png"), "--output", str(folder / "out")]  # fmt: skip
+    assert main(words) == 0, "nothing in the picture speaks for the pose"
+    assert "does not confirm the pose of --points" in capsys.readouterr().err
+    assert near(Pose.load(folder / "out" / "pose.json"), true)
+    (row,) = read_poses(folder / "out" / "poses.csv")
+    assert row.state == "uncertain" and near(row.pose, true)
+    facts = json.loads((folder / "out" / "detection.json").read_text(encoding="utf-8"))
+    assert facts["images"][0]["points_error_pixels"] < 0.1
+
+
+def test_an_image_that_cannot_be_used_stops_no_others(
+    detect: Detect, folder: Path, scene: Any, capsys: Any
+) -> None:
+    whole = (folder / "b.png").read_bytes()
+    (folder / "cut.png").write_bytes(whole[: len(whole) // 2])
+    Image.new("RGB", (40, 30)).save(folder / "small.png")
+    assert detect(["cut.png", "b.png", "small.png"], "--distance", "0.4", "0.6") == 0
+    said = capsys.readouterr().err
+    assert "cut.png: " in said and "small.png: " in said and "Traceback" not in said
+    rows = read_poses(folder / "out" / "poses.csv")
+    assert [row.state for row in rows] == ["uncertain", "tracking", "uncertain"]
+    assert near(rows[1].pose, scene.pose(0))
+    assert detect(["b.png", "points.csv"]) == 2, "what is no image is said before the work"
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import http.server
+import io
 import threading
 import time
 from collections.abc import Iterator
@@ -11,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from moveit6d.datasets import live
 from moveit6d.datasets.live import Latest, NetworkVideo, is_address
 from moveit6d.datasets.video import VideoFrame, open_frames
 from moveit6d.errors import InputError
@@ -56,6 +59,42 @@ def test_an_address_without_a_video_is_one_sentence(address: str, path: str) -> 
     with pytest.raises(InputError, match="cannot be opened") as caught:
         open_frames(address + path)
     assert "secret" not in str(caught.value) and "127.0.0.1" in str(caught.value)
+
+
+class Webcam(http.server.BaseHTTPRequestHandler):
+    """Six JPEGs one after the other, and then nothing; under another path never anything."""
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+    def do_GET(self) -> None:
+        if self.path == "/camera":
+            self.send_response(200)
+            self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=next")
+            self.end_headers()
+            for number in range(6):
+                stream = io.BytesIO()
+                Image.fromarray(np.full((48, 64, 3), 20 * number, np.uint8)).save(stream, "JPEG")
+                head = f"--next\r\nContent-Type: image/jpeg\r\nContent-Length: {stream.tell()}"
+                self.wfile.write(f"{head}\r\n\r\n".encode() + stream.getvalue() + b"\r\n")
+        time.sleep(1.5)
+
+
+def test_a_camera_in_the_net_that_falls_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live, "PATIENCE", 0.7)
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Webcam)
+    server.daemon_threads = True
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    place = f"http://127.0.0.1:{server.server_address[1]}"
+    frames = open_frames(f"{place}/camera")
+    assert isinstance(frames, NetworkVideo) and frames.live
+    *found, last = frames
+    assert len(found) >= 5 and all(frame.image is not None for frame in found)
+    assert last.image is None and "gave no more frames (no answer for" in str(last.error)
+    with pytest.raises(InputError, match=r"/silent cannot be opened \(no answer for 0\.7 seconds"):
+        open_frames(f"{place}/silent")
+    server.shutdown()
+    server.server_close()
 
 
 def test_nobody_at_the_address() -> None:

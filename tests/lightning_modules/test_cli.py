@@ -1,5 +1,6 @@
 """`moveit6d fit` on a fresh machine: without data, by the shipped config, killed, resumed."""
 
+import errno
 import signal
 import subprocess
 import sys
@@ -7,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+import pytorch_lightning as pl
 import torch
 from PIL import Image
 
@@ -123,3 +125,19 @@ def test_what_is_wrong_in_a_worker_process_is_one_sentence(tmp_path: Path) -> No
         main(words)
     assert "Traceback" not in str(error.value) and "pairs" in str(error.value)
     assert str(error.value).endswith(".")
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_full_disk_ends_a_fit_with_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written: Not a directory"):
+        main(arguments(tmp_path / "file" / "fit", 2))
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "last.ckpt")
+
+    monkeypatch.setattr(pl.Trainer, "save_checkpoint", full)
+    with pytest.raises(InputError, match=r"last\.ckpt \(No space left on device\); the last"):
+        main(arguments(tmp_path / "out", 2))

@@ -1,12 +1,13 @@
 """Weights files: there and back, and a sentence for every file that is not ours."""
 
+import resource
 from pathlib import Path
 
 import pytest
 import torch
 from safetensors.torch import save_file
 
-from moveit6d.errors import WeightsError
+from moveit6d.errors import InputError, WeightsError
 from moveit6d.networks.action_net import ActionConfig, ActionNet
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
 from moveit6d.networks.weights_file import begin_from, load_network, save_network
@@ -122,3 +123,16 @@ def test_what_a_network_is_shown_may_differ_from_what_its_weights_were(tmp_path:
     begin_from(network, tmp_path / "a.safetensors")
     assert not network.config.use_depth
     assert torch.equal(network.answer.weight, known.answer.weight)
+
+
+def test_a_full_disk_is_a_sentence_and_keeps_the_older_file(tmp_path: Path) -> None:
+    path, network = tmp_path / "a.safetensors", CorrelationNet(CorrelationConfig((8, 16, 24)))
+    path.write_bytes(b"older")
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (5000, limit[1]))  # as far as a file can grow
+    try:
+        with pytest.raises(InputError, match=r"a\.safetensors cannot be written: "):
+            save_network(network, path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert path.read_bytes() == b"older" and list(tmp_path.iterdir()) == [path]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 from pathlib import Path
 
 import av
@@ -58,6 +59,23 @@ def test_odd_sizes_and_changing_sizes_are_written(tmp_path: Path) -> None:
     found = frames_of(path)
     assert [picture.shape for picture in found] == [(48, 64, 3)] * 2
     assert abs(found[1][..., 0].mean() - 200) < 12
+
+
+@pytest.mark.parametrize("size", [100, 3000, 30_000])
+def test_a_full_disk_leaves_no_half_video(tmp_path: Path, size: int) -> None:
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limit[1]))  # as far as a file can grow
+    random = np.random.default_rng(0)
+    try:
+        with (
+            pytest.raises(InputError, match=r"overlay\.mp4 cannot be written: File too large"),
+            VideoWriter(tmp_path / "overlay.mp4") as movie,
+        ):
+            for _ in range(60):
+                movie.write(random.integers(0, 255, (48, 64, 3), np.uint8))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_no_frame_no_file(tmp_path: Path) -> None:

@@ -103,6 +103,9 @@ def run(args: argparse.Namespace) -> int:
             raise InputError(f"--{option} needs --output.")
     if args.report is not None:
         require("report", "--report")
+    for folder in (args.output, args.report, args.rerun):
+        if folder is not None:
+            new_folder(folder)
     sequences = chosen(args)
     trackers = rivals(args.rivals, sequences)
     bench = Bench(args, [make_job(sequence, args) for sequence in sequences])
@@ -197,7 +200,7 @@ class Bench:
 
         args, store = self.args, None
         if args.output is not None:
-            store = TrackStore(new_folder(args.output))
+            store = TrackStore(args.output)
         for done in run_sequences(
             self.jobs,
             Setting.of(args),

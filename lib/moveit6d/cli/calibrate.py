@@ -92,8 +92,10 @@ def run(args: argparse.Namespace) -> int:
 def _calibrate(args: argparse.Namespace, board: Board) -> int:
     from ..camera_calibration import calibrate, choose_views
     from ..datasets.video import open_frames
+    from ..io import check_writable
     from ..threads import limited_threads
 
+    check_writable(args.output)
     with limited_threads(1):
         views, size = _views(board, open_frames(args.video))
         if size is None:

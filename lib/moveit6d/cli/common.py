@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from .. import __version__
 from ..config import TrackerConfig
 from ..errors import InputError
+from ..io import check_writable
 from .messages import add_message_options
 from .settings import DEFAULT, PREFIX, add_settings, settings_of
 from .watching import Watcher
@@ -220,6 +221,12 @@ def weights_facts(path: Path | None) -> dict[str, str | None]:
     }
 
 
+def run_facts(args: argparse.Namespace) -> dict[str, Any]:
+    """What poses depend on by the options of `add_tracking_options`, as a journal holds it."""
+    setting = {key: str(value) for key, value in vars(Setting.of(args)).items() if key != "threads"}
+    return {"setting": setting, "weights": weights_facts(args.weights)["weights_sha256"]}
+
+
 def given(args: argparse.Namespace) -> dict[str, Any]:
     """The arguments of a command as JSON can hold them."""
     return {
@@ -237,9 +244,13 @@ def plain(value: Any) -> Any:
 
 
 def new_folder(path: Path) -> Path:
-    """The folder for the results, made if it is missing."""
+    """The folder for the results, made if it is missing.
+
+    `InputError`, before any long work, where nothing can be written in it.
+    """
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{path} cannot be made a folder: {error.strerror}.") from error
+    check_writable(path / "results")
     return path

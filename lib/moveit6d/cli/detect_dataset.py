@@ -6,13 +6,17 @@ Never looks at true poses.
 from __future__ import annotations
 
 import argparse
+import hashlib
+import json
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 from ..config import TrackerConfig
 from ..errors import InputError
-from .common import Setting, make_tools
+from .common import Setting, make_tools, run_facts
+from .journal import Journal, estimate_line, estimate_of
 from .messages import progress
 
 if TYPE_CHECKING:
@@ -29,6 +33,7 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.bop import TARGETS, BopDataset, write_results
     from ..estimation import TemplateStore
     from ..estimation.detection import default_store
+    from ..io import check_writable
 
     if args.split is None:
         raise InputError("--split missing: the folder of the data set, as test.")
@@ -43,21 +48,43 @@ def run(args: argparse.Namespace) -> int:
     images: dict[tuple[int, int], list[BopTarget]] = {}
     for target in dataset.targets(name):
         images.setdefault((target.scene, target.image), []).append(target)
+    check_writable(args.output)
     _check(dataset, images)
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
     store = TemplateStore(default_store())
     done: list[Estimate] = []
-    try:
-        for targets in progress(images.values(), len(images), "detect", "image"):
-            done += detect_image(
-                dataset, targets, policy, renderer, store, args.distance, setting.config
-            )
-    finally:
-        if done:
-            write_results(args.output, done)
+    with Journal(args.output, _facts(args, images), args.resume) as journal:
+        found = [[estimate_of(line) for line in entry] for entry in journal.entries]
+        left = list(images.values())[len(found) :]
+        done += (estimate for image in found for estimate in image)
+        try:
+            for targets in progress(left, len(left), "detect", "image"):
+                new = detect_image(
+                    dataset, targets, policy, renderer, store, args.distance, setting.config
+                )
+                journal.add([estimate_line(estimate) for estimate in new])
+                done += new
+        finally:
+            if done:
+                write_results(args.output, done)
+        journal.finish()
     print(f"{len(done)} poses in {len(images)} images: {args.output}")
     return 0
+
+
+def _facts(
+    args: argparse.Namespace, images: dict[tuple[int, int], list[BopTarget]]
+) -> dict[str, Any]:
+    """What the poses depend on: a run with other facts cannot be gone on with."""
+    targets = [list(map(asdict, some)) for some in images.values()]
+    return {
+        "dataset": str(args.dataset.resolve()),
+        "split": args.split,
+        "targets": hashlib.sha256(json.dumps(targets).encode()).hexdigest(),
+        "distance": args.distance,
+        **run_facts(args),
+    }
 
 
 def _targets_name(dataset: BopDataset, args: argparse.Namespace) -> str:

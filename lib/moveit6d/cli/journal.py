@@ -8,12 +8,18 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from contextlib import suppress
+from io import FileIO
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..io import read_text, replacing
+from .messages import note
+
+if TYPE_CHECKING:
+    from ..datasets.bop import Estimate
+    from ..geometry.pose import Pose
 
 
 class Journal:
@@ -26,24 +32,34 @@ class Journal:
     def __init__(self, output: Path, facts: Mapping[str, Any], resume: bool) -> None:
         self.path = output.with_name(f"{output.name}.unfinished")
         self.facts = json.loads(json.dumps(facts))
+        self.resume = resume
         self.entries: list[Any] = self._earlier() if resume else []
-        self._file: BinaryIO | None = None
+        self._file: FileIO | None = None
 
     def __enter__(self) -> Journal:
+        if not self.resume and self.path.is_file():
+            note(f"{self.path}, of a run that was interrupted, is replaced; --resume goes on.")
         with replacing(self.path) as temporary:
             self._file = temporary.open("wb", buffering=0)
             for content in (self.facts, *self.entries):
-                self._file.write(json.dumps(content).encode() + b"\n")
+                self._append(content)
         return self
 
     def add(self, content: Any) -> None:
         """Note one thing that was done."""
         assert self._file is not None
         try:
-            self._file.write(json.dumps(content).encode() + b"\n")
+            self._append(content)
         except OSError as error:
             reason = error.strerror or error
             raise InputError(f"{self.path} cannot be written: {reason}.") from error
+
+    def _append(self, content: Any) -> None:
+        """One line, whole; a disk that is nearly full takes a part of it without an error."""
+        assert self._file is not None
+        line = json.dumps(content).encode() + b"\n"
+        while line:
+            line = line[self._file.write(line) or 0 :]
 
     def finish(self) -> None:
         """The result is written whole: nothing is left to go on with."""
@@ -66,12 +82,43 @@ class Journal:
         lines = text[: text.rfind("\n") + 1].splitlines()  # the last may not have been finished
         try:
             facts, *entries = [json.loads(line) for line in lines]
-        except ValueError as error:
+            other = [key for key, value in self.facts.items() if facts.get(key) != value]
+        except (ValueError, AttributeError, RecursionError) as error:
             raise InputError(f"{self.path} is damaged; delete it and begin anew.") from error
-        other = [key for key, value in self.facts.items() if facts.get(key) != value]
         if other:
             raise InputError(
                 f"{self.path} belongs to a run with another {other[0]}; give the arguments that it "
                 "was begun with, or delete it."
             )
         return entries
+
+
+def pose_line(pose: Pose) -> dict[str, Any]:
+    """What a journal keeps of a pose, exactly."""
+    return {"rotation": pose.rotation.tolist(), "translation": pose.translation.tolist()}
+
+
+def pose_of(line: Mapping[str, Any]) -> Pose:
+    """The pose of a journal's line."""
+    import torch
+
+    from ..geometry.pose import Pose
+
+    turn, shift = (
+        torch.tensor(line[key], dtype=torch.float64) for key in ("rotation", "translation")
+    )
+    return Pose(turn, shift)
+
+
+def estimate_line(estimate: Estimate) -> dict[str, Any]:
+    """What a journal keeps of a line of a BOP result file, exactly."""
+    names = ("scene", "image", "object", "score", "seconds")
+    return {**{name: getattr(estimate, name) for name in names}, **pose_line(estimate.pose)}
+
+
+def estimate_of(line: Mapping[str, Any]) -> Estimate:
+    """The estimate of a journal's line."""
+    from ..datasets.bop import Estimate
+
+    names = ("scene", "image", "object", "score", "seconds")
+    return Estimate(**{name: line[name] for name in names}, pose=pose_of(line))

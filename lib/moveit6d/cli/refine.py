@@ -21,11 +21,11 @@ from .common import (
     add_tracking_options,
     add_verb,
     positive,
+    run_facts,
     set_up,
     tools,
-    weights_facts,
 )
-from .journal import Journal
+from .journal import Journal, estimate_line, estimate_of
 from .messages import note, progress
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
     done: dict[int, Estimate] = {}
     with Journal(args.output, _facts(args), args.resume) as journal:
         for line in journal.entries:
-            done[line["row"]] = _estimate(initial[line["row"]], line)
+            done[line["row"]] = estimate_of(line)
         left = [k for k, (_, rows) in enumerate(images) if any(row not in done for row in rows)]
         outcomes = run_jobs(
             here if alone else work,
@@ -136,7 +136,7 @@ def run(args: argparse.Namespace) -> int:
                     refined = [replace(initial[row], score=0.0, seconds=0.0) for row in rows]
                 for row, estimate in zip(rows, refined, strict=True):
                     done[row] = estimate
-                    journal.add({"row": row, **_line(estimate)})
+                    journal.add({"row": row, **estimate_line(estimate)})
         finally:
             if done:
                 write_results(args.output, [done[row] for row in sorted(done)])
@@ -151,36 +151,13 @@ def _facts(args: argparse.Namespace) -> dict[str, Any]:
     import hashlib
 
     initial = hashlib.sha256(args.initial.read_bytes()).hexdigest()
-    setting = {key: str(value) for key, value in vars(Setting.of(args)).items() if key != "threads"}
     return {
         "dataset": str(args.dataset.resolve()),
         "split": args.split,
         "mesh_unit": args.mesh_unit,
         "initial": initial,
-        "setting": setting,
-        "weights": weights_facts(args.weights)["weights_sha256"],
+        **run_facts(args),
     }
-
-
-def _line(estimate: Estimate) -> dict[str, Any]:
-    """What a journal keeps of a refined pose, exactly."""
-    return {
-        "rotation": estimate.pose.rotation.tolist(),
-        "translation": estimate.pose.translation.tolist(),
-        "score": estimate.score,
-        "seconds": estimate.seconds,
-    }
-
-
-def _estimate(given: Estimate, line: dict[str, Any]) -> Estimate:
-    import torch
-
-    from ..geometry.pose import Pose
-
-    rotation, shift = (
-        torch.tensor(line[key], dtype=torch.float64) for key in ("rotation", "translation")
-    )
-    return replace(given, pose=Pose(rotation, shift), score=line["score"], seconds=line["seconds"])
 
 
 def check(dataset: BopDataset, estimates: Sequence[Estimate], file: Path) -> None:

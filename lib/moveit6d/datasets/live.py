@@ -44,6 +44,8 @@ class NetworkVideo:
         with self._open() as container:
             if not container.streams.video:
                 raise InputError(f"{self.name} holds no video.")
+            # Cameras in the net that give one JPEG after the other.
+            self.live = self.live or container.format.name == "mpjpeg"
             rate = container.streams.video[0].average_rate
             self.fps: float | None = float(rate) if rate else None
 
@@ -120,4 +122,8 @@ class Latest(ReadBeside):
 
 
 def _reason(error: BaseException) -> str:
+    import av
+
+    if isinstance(error, av.error.ExitError):
+        return f"no answer for {PATIENCE:g} seconds"
     return str(getattr(error, "strerror", None) or type(error).__name__)

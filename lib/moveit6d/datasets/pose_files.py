@@ -195,7 +195,7 @@ def read_poses(path: Path, text: str | None = None) -> list[PoseRow]:
     """
     lines = read_text(path) if text is None else text
     try:
-        reader = csv.DictReader(io.StringIO(lines, newline=""))
+        reader = csv.DictReader(io.StringIO(lines, newline=""), skipinitialspace=True)
         missing = [c for c in ("frame", *POSE_COLUMNS) if c not in (reader.fieldnames or ())]
         if missing:
             raise InputError(

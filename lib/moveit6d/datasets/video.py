@@ -11,10 +11,11 @@ import re
 import threading
 import warnings
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
+from urllib.parse import unquote, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,22 +75,28 @@ def open_frames(source: str | Path | int) -> FrameSource:
 
         if is_address(source):
             return NetworkVideo(source)
+        if source.startswith("file://"):
+            source = unquote(urlsplit(source).path)
     path = Path(source)
-    if path.is_dir():
-        return ImageFolder(path)
-    if path.exists():
-        return VideoFile(path)
+    device = re.fullmatch(r"/dev/video(\d{1,3})", str(path))
+    if device is not None:
+        return LiveCamera(int(device[1]))
+    with suppress(OSError):  # of a path that is too long
+        if path.is_dir():
+            return ImageFolder(path)
+        if path.exists():
+            return VideoFile(path)
     if str(source).isdecimal() and len(str(source)) < 4:
         return LiveCamera(int(str(source)))
     raise InputError(
-        f"{path} does not exist: give a folder of images, a video, an address (rtsp://…, http://…) "
-        "or a camera index."
+        f"{str(path)[:200]} does not exist: give a folder of images, a video, an address "
+        "(rtsp://…, http://…) or a camera index."
     )
 
 
 def image_size(path: Path) -> tuple[int, int]:
     """Width and height of an image, of which no more than the header is read."""
-    with _opened(path) as opened:
+    with opened_image(path) as opened:
         return int(opened.size[0]), int(opened.size[1])
 
 
@@ -100,13 +107,13 @@ def read_image(path: Path) -> Image:
     """
     from PIL import ImageOps
 
-    with _opened(path) as opened:
+    with opened_image(path) as opened:
         deep = is_deep(opened)
         return deep_rgb(path) if deep else to_rgb8(ImageOps.exif_transpose(opened), path)
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
+def opened_image(path: Path) -> Iterator[Any]:
     """An image file, opened by Pillow; whatever goes wrong with it is an `InputError`."""
     from PIL import Image as Pillow
 

@@ -18,6 +18,7 @@ from .camera import Camera
 from .camera_keys import camera_of
 
 LARGEST = 4_000_000  # bytes; calibrations with all their corners have some hundred thousand
+SHORTEST = 0.04  # focal length in widths: a pinhole with 170 degrees, beyond any fisheye
 SUFFIXES = (".json", ".yaml", ".yml", ".xml")
 
 
@@ -41,9 +42,16 @@ def read_camera_file(path: Path) -> Camera:
             "height, or camera_matrix, image_width and image_height, are needed."
         )
     try:
-        return camera_of(content)
+        camera = camera_of(content)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    if max(camera.fx, camera.fy) < SHORTEST * max(camera.width, camera.height):
+        raise InputError(
+            f"{path}: a focal length of {camera.fx:g} pixels cannot be right for a picture of "
+            f"{camera.width}×{camera.height}; shares of the picture's size must be multiplied by "
+            "its width and height, millimetres converted to pixels."
+        )
+    return camera
 
 
 def _text(path: Path) -> str:

@@ -34,7 +34,7 @@ def symmetries_beside(mesh: Path) -> Symmetries:
     if number and whole.is_file():
         info = read_json(whole).get(str(int(number[1]))) or {}
         return _declared(mapping(info, f"{whole}: object {int(number[1])}"), whole)
-    return Symmetries()
+    return symmetries_beside(mesh.resolve()) if mesh.is_symlink() else Symmetries()
 
 
 def _declared(info: dict[str, Any], path: Path) -> Symmetries:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -20,6 +19,7 @@ from safetensors.torch import save_file
 from ..checks import DAMAGE
 from ..errors import WeightsError
 from ..geometry.crop import Crop
+from ..io import replacing
 from .kinds import KINDS, PoseNet
 
 FORMAT = "moveit6d-1"
@@ -39,7 +39,8 @@ class LoadedNetwork:
 def save_network(network: PoseNet, path: Path, facts: dict[str, str] | None = None) -> None:
     """Write the weights and, in the header, format, kind, sizes and the given facts.
 
-    Written under a temporary name first, so that a crash leaves no half file.
+    Written under a temporary name first, so that a crash leaves no half file. `InputError` if it
+    cannot be written.
     """
     kind = next(name for name, (cls, _) in KINDS.items() if isinstance(network, cls))
     header = {
@@ -49,10 +50,11 @@ def save_network(network: PoseNet, path: Path, facts: dict[str, str] | None = No
         "config": json.dumps(dataclasses.asdict(network.config)),
     }
     tensors = {name: value.contiguous() for name, value in network.state_dict().items()}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    save_file(tensors, temporary, header)
-    os.replace(temporary, path)
+    with replacing(path) as temporary:
+        try:
+            save_file(tensors, temporary, header)
+        except SafetensorError as error:  # a full disk is one of its own errors
+            raise OSError(" ".join(str(error).split())) from error
 
 
 def load_network(path: Path) -> LoadedNetwork:

@@ -5,6 +5,7 @@ Never holds more than one frame. Needs rerun-sdk (`pip install 'moveit6d[rerun]'
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -26,6 +27,7 @@ from ..io import replacing
 OBJECT, TRUTH, VIEW = "camera/object", "camera/truth", "camera/image"
 CURVES = ("confidence", "iterations", "milliseconds")
 JPEG_QUALITY = 85
+LEAST_SPACE = 1 << 20  # bytes that must be free on the disk
 
 
 class RerunLog:
@@ -51,6 +53,8 @@ class RerunLog:
         temporary = self._place.enter_context(replacing(self.path))
         self._stream = rr.RecordingStream("moveit6d", recording_id=self.path.stem)
         try:
+            if shutil.disk_usage(self.path.parent).free < LEAST_SPACE:  # rerun would wait forever
+                raise OSError("the disk is full")
             self._stream.save(temporary, _blueprint(rr))
         except (OSError, RuntimeError) as error:
             self._place.__exit__(type(error), error, error.__traceback__)
@@ -94,8 +98,13 @@ class RerunLog:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._stream.flush()
-        self._stream.disconnect()
+        try:
+            self._stream.flush()
+        except RuntimeError as broken:  # its writing thread ended before: the disk is full
+            self._place.__exit__(type(broken), broken, broken.__traceback__)
+            raise InputError(f"{self.path} cannot be written: {broken}.") from broken
+        finally:
+            self._stream.disconnect()
         self._place.close()
 
     def _object(self, pose: Pose | None) -> None:

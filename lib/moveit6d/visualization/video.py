@@ -6,7 +6,8 @@ the block (Ctrl-C too), the frames so far make a whole video.
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -36,6 +37,7 @@ class VideoWriter:
         self._temporary = path
         self._container: Any = None
         self._stream: Any = None
+        self._broken = False
 
     def __enter__(self) -> VideoWriter:
         self._temporary = self._place.__enter__()
@@ -52,8 +54,8 @@ class VideoWriter:
         picture = av.VideoFrame.from_ndarray(even, format="rgb24")
         if (picture.width, picture.height) != (width, height):
             picture = picture.reformat(width=width, height=height)
-        for packet in self._stream.encode(picture):
-            self._container.mux(packet)
+        with self._failing():
+            self._encode(picture)
 
     def __exit__(
         self,
@@ -61,15 +63,38 @@ class VideoWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._container is None:
-            none = InputError(f"{self.path}: no frame was written.")
-            with suppress(InputError):
-                self._place.__exit__(type(none), none, None)
+        if self._broken:
             return
-        for packet in self._stream.encode():
-            self._container.mux(packet)
-        self._container.close()
+        if self._container is None:
+            self._remove()
+            return
+        with self._failing():
+            self._encode(None)
+            self._container.close()
         self._place.__exit__(None, None, None)
+
+    def _encode(self, picture: Any) -> None:
+        """Write a picture, or with None what the codec still holds."""
+        for packet in self._stream.encode(picture):
+            self._container.mux(packet)
+
+    @contextmanager
+    def _failing(self) -> Iterator[None]:
+        """Errors of the disk, which leave nothing of the video."""
+        try:
+            yield
+        except OSError as error:  # PyAV's errors of files are such, too
+            self._broken = True
+            with suppress(OSError):  # ffmpeg crashes where a container is forgotten unclosed
+                self._container.close()
+            self._remove()
+            reason = error.strerror or error
+            raise InputError(f"{self.path} cannot be written: {reason}.") from error
+
+    def _remove(self) -> None:
+        none = InputError(f"{self.path}: there is no video.")
+        with suppress(InputError):
+            self._place.__exit__(type(none), none, None)
 
     def _open(self, width: int, height: int) -> None:
         import av

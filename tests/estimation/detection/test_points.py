@@ -67,7 +67,7 @@ def test_what_cannot_be_right_is_refused(tmp_path: Path) -> None:
     path.write_text("10,20,1,2\n")
     with pytest.raises(InputError, match="line 1: five numbers"):
         read_points(path, "m")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="does not exist"):
         read_points(tmp_path / "none.csv", "m")
     with pytest.raises(InputError, match="at least 4 rows"):
         poses_from_points(np.zeros((3, 5)), CAMERA)

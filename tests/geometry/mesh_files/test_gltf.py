@@ -41,7 +41,7 @@ def test_nodes_scenes_and_mirrors(tmp_path: Path) -> None:
     ("change", "words"),
     [
         ({"extensionsRequired": ["KHR_texture_basisu"]}, "requires KHR_texture_basisu"),
-        ({"extensionsRequired": ["EXT_meshopt_compression"]}, "requires EXT_meshopt_compression"),
+        ({"extensionsRequired": ["NV_meshopt_2"]}, "requires NV_meshopt_2"),
         ({"extensionsRequired": ["NV_new"]}, "requires NV_new"),
         ({"asset": {"version": "1.0"}}, "glTF 1.0"),
         ({"textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]}, "basisu"),

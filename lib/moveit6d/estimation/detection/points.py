@@ -6,6 +6,7 @@ Never sees an image.
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,10 @@ from ...errors import InputError
 from ...geometry.camera import Camera
 from ...geometry.mesh import METRES
 from ...geometry.pose import Pose
+from ...io import read_text
 
 FEWEST = 4  # points: three leave several poses
+FARTHEST = 0.1  # of the picture's longer side: points this far off are mixed up
 COLUMNS = ("u", "v", "x", "y", "z")
 
 
@@ -30,17 +33,18 @@ def read_points(path: Path, unit: str) -> NDArray[np.float64]:
     """
     rows = []
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            for number, cells in enumerate(csv.reader(file), 1):
-                if not cells or (number == 1 and not _is_number(cells[0])):
-                    continue
-                if len(cells) != 5 or not all(_is_number(cell) for cell in cells):
-                    raise InputError(
-                        f"{path}, line {number}: five numbers {','.join(COLUMNS)} are needed, "
-                        f"found {','.join(cells)!r}."
-                    )
-                rows.append([float(cell) for cell in cells])
-    except (OSError, UnicodeDecodeError) as error:
+        for number, cells in enumerate(csv.reader(read_text(path).splitlines()), 1):
+            if not any(cells) or (number == 1 and not _is_number(cells[0])):
+                continue
+            if len(cells) != 5 or not all(
+                _is_number(cell) and math.isfinite(float(cell)) for cell in cells
+            ):
+                raise InputError(
+                    f"{path}, line {number}: five numbers {','.join(COLUMNS)} are needed, "
+                    f"found {','.join(cells)[:120]!r}."
+                )
+            rows.append([float(cell) for cell in cells])
+    except csv.Error as error:
         raise InputError(f"{path} cannot be read as a CSV file of points: {error}.") from error
     points = np.array(rows, np.float64).reshape(-1, 5)
     points[:, 2:] *= METRES[unit]
@@ -69,7 +73,8 @@ def poses_from_points(points: Any, camera: Camera) -> list[Pose]:
         pixels = camera.lens.undistort(pixels, matrix)
     solutions: list[tuple[float, Any, Any]] = []
     for method in (cv2.SOLVEPNP_SQPNP, cv2.SOLVEPNP_IPPE):
-        solutions += _solve(places, pixels, matrix, method)
+        most = FARTHEST * max(camera.width, camera.height)
+        solutions += _solve(places, pixels, matrix, method, most)
     solutions.sort(key=lambda one: one[0])
     found: list[Pose] = []
     for _, turn, place in solutions:
@@ -86,8 +91,18 @@ def poses_from_points(points: Any, camera: Camera) -> list[Pose]:
     return found
 
 
+def reprojection_error(points: Any, pose: Pose, camera: Camera) -> float:
+    """How far (N, 5) rows are from where a pose takes them, pixels, root mean square."""
+    rows = np.asarray(points, np.float64)
+    pixels, matrix = rows[:, :2].copy(), camera.matrix.numpy()
+    if camera.lens is not None:
+        pixels = camera.lens.undistort(pixels, matrix)
+    seen = pose.transform(torch.from_numpy(rows[:, 2:].copy())).numpy() @ matrix.T
+    return float(np.sqrt(((seen[:, :2] / seen[:, 2:] - pixels) ** 2).sum(1).mean()))
+
+
 def _solve(
-    places: NDArray[Any], pixels: NDArray[Any], matrix: NDArray[Any], method: int
+    places: NDArray[Any], pixels: NDArray[Any], matrix: NDArray[Any], method: int, most: float
 ) -> Sequence[tuple[float, Any, Any]]:
     import cv2
 
@@ -100,7 +115,7 @@ def _solve(
         turn, shift = cv2.solvePnPRefineLM(places, pixels, matrix, None, turn, shift)
         again = cv2.projectPoints(places, turn, shift, matrix, None)[0][:, 0]
         error = float(np.sqrt(((again - pixels) ** 2).sum(1).mean()))
-        if np.isfinite(error):
+        if error < most:
             solutions.append((error, turn, shift))
     return solutions
 

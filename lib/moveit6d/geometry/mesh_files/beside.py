@@ -1,6 +1,6 @@
 """The files that a mesh file names: found beside it however the name was written.
 
-Never opens anything outside of the mesh file's own folder.
+Never opens anything outside of the mesh file's own folder, and of that of the file a link leads to.
 """
 
 from __future__ import annotations
@@ -16,13 +16,18 @@ from ...errors import InputError
 LARGEST = 4 * 2**30  # bytes; nothing larger is read
 
 
-def find_beside(folder: Path, name: str) -> Path | None:
-    """The file that `name` means, relative to `folder`; None where there is none.
+def find_beside(file: Path, name: str) -> Path | None:
+    """The file that `name` means beside `file` that names it; None where there is none.
 
     Understands quotes, backslashes, `%20`, `file://`, another letter case and another Unicode form.
     Where the folders in the name do not exist (those of another machine), the bare file name is
-    looked for beside the mesh file.
+    looked for beside the mesh file. Beside a symbolic link first, then beside what it leads to.
     """
+    found = _find(file.parent, name)
+    return _find(file.resolve().parent, name) if found is None and file.is_symlink() else found
+
+
+def _find(folder: Path, name: str) -> Path | None:
     for spelling in _spellings(name):
         path = PurePosixPath(spelling)
         inside = not path.is_absolute() and ".." not in path.parts

@@ -112,7 +112,7 @@ class _Looks:
         if path in self._pictures:
             return self._pictures[path]
         self.content.name(f"picture {path}")
-        found = find_beside(Path(self.content.path).parent, path)
+        found = find_beside(Path(self.content.path), path)
         self._pictures[path] = None
         if found is None:
             self.content.lost(

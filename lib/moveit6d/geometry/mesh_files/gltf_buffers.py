@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from .beside import find_beside, read_bytes
+from .compression import MESHOPT, meshopt_view
 
 TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -25,8 +26,8 @@ MOST_ELEMENTS = 200_000_000
 # Extensions that change the geometry or the looks and are understood here, or change neither.
 UNDERSTOOD = {
     "KHR_texture_transform", "KHR_materials_pbrSpecularGlossiness", "KHR_mesh_quantization",
-    "KHR_draco_mesh_compression", "EXT_texture_webp", "EXT_texture_avif", "MSFT_texture_dds",
-    "KHR_materials_unlit", "KHR_lights_punctual", "KHR_xmp_json_ld", "KHR_xmp",
+    "KHR_draco_mesh_compression", *MESHOPT, "EXT_texture_webp", "EXT_texture_avif",
+    "MSFT_texture_dds", "KHR_materials_unlit", "KHR_lights_punctual", "KHR_xmp_json_ld", "KHR_xmp",
     "KHR_materials_variants", "KHR_animation_pointer", "KHR_node_visibility",
 }  # fmt: skip
 REMEDY = "export the file without it (Blender: glTF 2.0 with default settings)"
@@ -58,10 +59,16 @@ class GltfFile:
         return self._buffers[index]
 
     def view(self, index: int) -> bytes:
-        """The bytes of a buffer view."""
+        """The bytes of a buffer view, decompressed where necessary."""
         entry = self.items("bufferViews")[index]
-        if "EXT_meshopt_compression" in (entry.get("extensions") or {}):
-            raise InputError(f"{self.path} uses EXT_meshopt_compression, not understood; {REMEDY}.")
+        for name in MESHOPT:
+            packed = (entry.get("extensions") or {}).get(name)
+            if packed is not None:
+                return meshopt_view(self.path, packed, self._part(packed, index))
+        return self._part(entry, index)
+
+    def _part(self, entry: dict[str, Any], index: int) -> bytes:
+        """The bytes of a buffer that an entry of buffer view `index` names."""
         start, length = entry.get("byteOffset", 0), entry["byteLength"]
         content = self.buffer(entry["buffer"])
         if start < 0 or length < 0 or start + length > len(content):
@@ -97,7 +104,7 @@ class GltfFile:
         if uri.startswith("data:"):
             head, _, data = uri.partition(",")
             return base64.b64decode(data) if head.endswith(";base64") else unquote_to_bytes(data)
-        found = find_beside(self.path.parent, uri)
+        found = find_beside(self.path, uri)
         if found is None:
             raise InputError(f"{self.path}: {what} is the file {uri[:200]!r}, which is not there.")
         return read_bytes(found)

@@ -195,19 +195,18 @@ def _index(token: str, path: Path) -> tuple[int, int]:
 
 def _libraries(content: MeshContent, lines: ObjLines) -> dict[str, MtlMaterial]:
     """The materials of all libraries that the file names and that are there."""
-    folder = content.path.parent
     paths: list[Path] = []
     missing: list[str] = []
     for text in lines.libraries:
-        whole = find_beside(folder, text)
+        whole = find_beside(content.path, text)
         names = [text] if whole is not None else text.split()
         for name in names:  # several libraries may stand on a line
-            found = find_beside(folder, name)
+            found = find_beside(content.path, name)
             if found is None:
                 missing.append(name)
             else:
                 paths.append(found)
-    own = find_beside(folder, f"{content.path.stem}.mtl")
+    own = find_beside(content.path, f"{content.path.stem}.mtl")
     if not paths and lines.names and own is not None:
         content.warnings.append(f"materials are taken from {own.name}, which lies beside the mesh")
         paths.append(own)

@@ -123,9 +123,9 @@ def _picture(
         return pictures[entry.name]
     content.name(f"picture {entry.name}")
     what = f"the material {material.name!r} of {material.library.name}"
-    path = find_beside(material.library.parent, entry.name)
-    path = path or find_beside(content.path.parent, entry.name)
-    path = path or find_beside(content.path.parent, entry.name.partition(" #")[0])
+    path = find_beside(material.library, entry.name)
+    path = path or find_beside(content.path, entry.name)
+    path = path or find_beside(content.path, entry.name.partition(" #")[0])
     pictures[entry.name] = None
     if path is None:
         content.lost(

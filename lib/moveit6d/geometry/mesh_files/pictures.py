@@ -20,6 +20,7 @@ FORMATS = ("PNG", "JPEG", "BMP", "TGA", "TIFF", "WEBP", "GIF", "PPM", "DDS", "AV
 # A file of a few kilobytes can promise gigabytes: so many pixels are always decoded, more only
 # where the file has a byte for every so many of them.
 FREE_PIXELS, PIXELS_PER_BYTE = 36_000_000, 300
+MOST_PIXELS = 2**28  # 16,384 a side
 
 
 @dataclass(frozen=True)
@@ -38,15 +39,20 @@ def decode_picture(content: bytes, where: str) -> Picture:
     """A picture file's bytes; `InputError` naming `where` if it is none."""
     from PIL import Image
 
+    limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None  # ours goes by the file's size
     try:
         with Image.open(io.BytesIO(content), formats=_formats()) as image:
             check_pixels(image.size, len(content), where)
             return _reduced(image)
+    except InputError:
+        raise
     except (OSError, ValueError, SyntaxError, MemoryError, Image.DecompressionBombError) as error:
         reason = str(error).split("<")[0].strip() or type(error).__name__
         raise InputError(f"{where} is not a readable picture ({reason}).") from error
     except Exception as error:  # Pillow's readers raise what they stumble upon
         raise InputError(f"{where} is not a readable picture ({type(error).__name__}).") from error
+    finally:
+        Image.MAX_IMAGE_PIXELS = limit
 
 
 def check_pixels(size: tuple[int, int], content: int, where: str) -> None:
@@ -56,6 +62,10 @@ def check_pixels(size: tuple[int, int], content: int, where: str) -> None:
         raise InputError(
             f"{where} says {size[0]}×{size[1]} pixels but has only {content} bytes; it is damaged "
             "or made to fill the memory."
+        )
+    if count > MOST_PIXELS:
+        raise InputError(
+            f"{where} has {size[0]}×{size[1]} pixels; reduce it to 16384×16384 or less."
         )
 
 
@@ -71,6 +81,9 @@ def _reduced(image: Any) -> Picture:
 
     size = image.size
     image.draft(None, (MAX_TEXTURE, MAX_TEXTURE))  # JPEG: decode no more than is wanted
+    steps = max(image.size) // (2 * MAX_TEXTURE)
+    if steps > 1 and image.mode in ("RGB", "L", "CMYK", "YCbCr"):
+        image = image.reduce(steps)  # at once, or a copy of the whole would need as much again
     if image.mode.startswith("I"):  # 16 bits: Pillow would clip instead of scale
         image = image.point(lambda value: value / 256)
     elif image.mode == "F":

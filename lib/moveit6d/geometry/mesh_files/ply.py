@@ -134,7 +134,7 @@ def _textures(content: MeshContent, names: list[str]) -> list[Picture | None]:
     found: list[Picture | None] = []
     for name in names:
         content.name(f"picture {name}")
-        path = find_beside(content.path.parent, name)
+        path = find_beside(content.path, name)
         picture = None
         if path is None:
             content.lost(

@@ -1,0 +1,326 @@
+"""`moveit6d detect --image`: the object in pictures, one after the other, on disk at once.
+
+Never tracks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..config import SeedDetectorConfig
+from ..errors import InputError
+from .camera_options import camera_of
+from .common import Setting, given, make_tools, new_folder, run_facts, versions, weights_facts
+from .journal import Journal, pose_line, pose_of
+from .messages import note, progress
+from .seed_options import DEST as SEEDS
+from .seed_options import seeds_of
+
+if TYPE_CHECKING:
+    from ..datasets.pose_files import PoseRow
+    from ..datasets.video import VideoFrame
+    from ..estimation.detection import Detection, PoseDetector
+    from ..geometry.camera import Camera
+    from ..geometry.mesh import Mesh
+    from ..geometry.pose import Pose
+
+NOT_FOUND = 3
+POINTS_ERROR = "points_error_pixels"  # in detection.json, where the points alone say the pose
+# What a run writes beside poses.csv and the pictures of several images.
+WRITTEN = ("pose.json", "overlay.png", "detection.json")
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """What was found in one image: poses with their probability, and facts for detection.json.
+
+    `error` says why an image could not be used.
+    """
+
+    poses: tuple[tuple[Pose, float, int], ...]  # pose, probability, iterations
+    best: float = 0.0
+    milliseconds: float | None = None
+    facts: dict[str, Any] | None = None
+    error: str | None = None
+
+
+def run(args: argparse.Namespace) -> int:
+    """Detect in image after image; what was found is on disk whatever ends the run."""
+    from ..datasets.pose_files import PoseWriter
+    from ..datasets.video import ImageList, image_size
+    from ..geometry.mesh import Mesh
+    from ..io import check_writable
+
+    mesh = Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
+    images = ImageList(tuple(args.image))
+    for path in images.paths:
+        image_size(path)  # what is no image at all is said before the work
+    camera, known = camera_of(args, images), _known(args)
+    output = new_folder(args.output)
+    check_writable(output / "poses.csv")
+    detector = _detector(args, mesh, camera)
+    single, answers = len(images.paths) == 1, list[_Answer]()
+    with Journal(output / "poses.csv", _facts_of_run(args), args.resume) as journal:
+        if not journal.entries:
+            for name in WRITTEN:  # of an earlier run
+                (output / name).unlink(missing_ok=True)
+        with PoseWriter(output / "poses.csv") as table:
+            try:
+                for frame in progress(images, len(images.paths), "detect", "image"):
+                    if frame.index < len(journal.entries):
+                        answer = _from_line(journal.entries[frame.index])
+                    else:
+                        answer = _answered(detector, frame, args, known, single)
+                        journal.add(_line(answer))
+                        _draw(_picture(output, frame, images.paths), frame, answer, detector)
+                    answers.append(answer)
+                    for row in _rows(frame, answer):
+                        table.write(row)
+            finally:
+                if answers:
+                    _write_facts(args, answers, output, detector)
+        if single and answers[0].poses:
+            answers[0].poses[0][0].save(output / "pose.json")
+        journal.finish()
+    return _verdict(args, answers, output)
+
+
+def _facts_of_run(args: argparse.Namespace) -> dict[str, Any]:
+    """What the poses depend on: a run with other facts cannot be gone on with."""
+    names = (
+        "mesh", "mesh_unit", "image", "camera", "fov", "instances", "box", "mask", "points",
+        "distance", "start", "method",
+    )  # fmt: skip
+    known = {
+        key: value for key, value in given(args).items() if key in names or key.startswith(SEEDS)
+    }
+    return {**known, **run_facts(args)}
+
+
+def _write_facts(
+    args: argparse.Namespace, answers: Sequence[_Answer], output: Path, detector: PoseDetector
+) -> None:
+    from ..io import write_json
+
+    images = [
+        {
+            "image": str(path),
+            "milliseconds": answer.milliseconds and round(answer.milliseconds, 1),
+            **(answer.facts or {"error": answer.error}),
+        }
+        for path, answer in zip(args.image, answers, strict=False)
+    ]
+    facts = {
+        "images": images,
+        **weights_facts(args.weights),
+        "versions": versions(),
+        "config": detector.settings.as_dict(),
+        "arguments": given(args),
+    }
+    write_json(output / "detection.json", facts)
+
+
+def _verdict(args: argparse.Namespace, answers: Sequence[_Answer], output: Path) -> int:
+    if all(answer.error for answer in answers):
+        raise InputError(f"no image could be used; the first says: {answers[0].error}")
+    found = sum(bool(answer.poses) for answer in answers)
+    best = max(answer.best for answer in answers)
+    if not found:
+        what = str(args.image[0]) if len(answers) == 1 else f"{len(answers)} images"
+        print(
+            f"moveit6d: {what}: the object was not found (probability of the best pose "
+            f"{best:.2f}){_advice(args)}.",
+            file=sys.stderr,
+        )
+        return NOT_FOUND
+    if len(answers) == 1:
+        print(f"probability {best:.2f}: {output / 'pose.json'}")
+    else:
+        print(f"found in {found} of {len(answers)} images: {output / 'poses.csv'}")
+    return 0
+
+
+def _advice(args: argparse.Namespace) -> str:
+    """What could still narrow the search."""
+    names = [f"--{name}" for name in ("box", "mask", "points", "distance", "start")
+             if getattr(args, name) is None]  # fmt: skip
+    return f"; narrow the search by {' or '.join(names)}" if names else ""
+
+
+def _rows(frame: VideoFrame, answer: _Answer) -> list[PoseRow]:
+    """A row for each instance; one without a pose if there is none."""
+    from ..datasets.pose_files import PoseRow
+
+    unsure = answer.error is not None or POINTS_ERROR in (answer.facts or {})
+    if not answer.poses:
+        state = "uncertain" if unsure else "lost"
+        return [
+            PoseRow(
+                frame.index, frame.name, stopped_by="failed", confidence=answer.best,
+                milliseconds=answer.milliseconds, state=state,
+            )
+        ]  # fmt: skip
+    state = "uncertain" if unsure else "tracking"
+    return [
+        PoseRow(
+            frame.index, frame.name, pose, iterations, "max_iterations", probability,
+            answer.milliseconds, state=state,
+        )
+        for pose, probability, iterations in answer.poses
+    ]  # fmt: skip
+
+
+def _picture(output: Path, frame: VideoFrame, paths: Sequence[Path]) -> Path:
+    """Where an image is drawn; those of one name, from several folders, get their number."""
+    if len(paths) == 1:
+        return output / "overlay.png"
+    twice = [path.name for path in paths].count(frame.name) > 1
+    name = f"{frame.index:06d}_{frame.name}" if twice else frame.name
+    return output / "overlay" / f"{name}.png"
+
+
+def _draw(path: Path, frame: VideoFrame, answer: _Answer, detector: PoseDetector) -> None:
+    from PIL import Image
+
+    from ..io import replacing
+    from ..visualization.overlay import draw_pose
+
+    image = frame.image
+    if image is None or answer.error:
+        return
+    for pose, *_ in answer.poses:
+        image = draw_pose(image, detector.mesh, pose, detector.camera, detector.renderer)
+    with replacing(path) as temporary:
+        Image.fromarray(image).save(temporary, format="PNG")
+
+
+def _detector(args: argparse.Namespace, mesh: Mesh, camera: Camera) -> PoseDetector:
+    """By the options."""
+    from ..estimation import PoseDetector, TemplateStore
+    from ..estimation.detection import default_store
+
+    if args.method == "seeds" and len(args.image) > 1:
+        raise InputError("--method seeds takes one --image.")
+    setting = Setting.of(args)
+    policy, renderer = make_tools(setting)
+    return PoseDetector(
+        mesh,
+        camera,
+        policy=policy,
+        renderer=renderer,
+        config=setting.config,
+        method=args.method,
+        seeds=seeds_of(args, SeedDetectorConfig(), setting.config.loop),
+        store=TemplateStore(default_store()),
+        threads=setting.threads,
+    )
+
+
+def _known(args: argparse.Namespace) -> dict[str, Any]:
+    """What is known of where the object is, as `PoseDetector.detect` takes it."""
+    from ..estimation.detection.points import read_points
+    from ..geometry.pose import Pose
+
+    return {
+        "box": args.box,
+        "mask": None if args.mask is None else read_mask(args.mask),
+        "points": None if args.points is None else read_points(args.points, args.mesh_unit),
+        "distance": args.distance,
+        "start": None if args.start is None else Pose.load(args.start),
+    }
+
+
+def _answered(
+    detector: PoseDetector,
+    frame: VideoFrame,
+    args: argparse.Namespace,
+    known: dict[str, Any],
+    single: bool,
+) -> _Answer:
+    """What is found in one image; of several, one that cannot be used does not stop the others."""
+    try:
+        if frame.image is None:
+            raise InputError(str(frame.error))
+        return _detected(detector, frame, args.instances, known)
+    except InputError as error:
+        if single:
+            raise
+        note(f"{frame.name}: {error}")
+        return _Answer((), error=str(error))
+
+
+def _detected(
+    detector: PoseDetector, frame: VideoFrame, instances: int, known: dict[str, Any]
+) -> _Answer:
+    assert frame.image is not None
+    begin = time.perf_counter()
+    found = detector.detect(frame.image, instances=instances, **known)
+    spent = (time.perf_counter() - begin) * 1e3
+    poses = tuple((one.pose, one.probability, one.result.iterations) for one in found.instances)
+    facts = _facts(found)
+    if known["points"] is not None and not poses:
+        pose, error = _clicked(known["points"], detector.camera)
+        note(
+            f"{frame.name}: the image does not confirm the pose of --points (probability "
+            f"{found.probability:.2f}), which is written as they say; they are {error:.1f} pixels "
+            "off it."
+        )
+        poses = ((pose, found.probability, 0),)
+        facts[POINTS_ERROR] = round(error, 2)
+    return _Answer(poses, found.probability, spent, facts)
+
+
+def _clicked(points: Any, camera: Camera) -> tuple[Pose, float]:
+    """The pose that points say, and how far they are off it."""
+    from ..estimation.detection.points import poses_from_points, reprojection_error
+
+    pose = poses_from_points(points, camera)[0]
+    return pose, reprojection_error(points, pose, camera)
+
+
+def _facts(found: Detection) -> dict[str, Any]:
+    """What detection.json says of an image."""
+    if found.seeds is not None:
+        sinks = [
+            {"pixel": sink.centre.tolist(), "strength": sink.strength, "size": sink.size}
+            for place in found.seeds.places
+            for sink in place
+        ]
+        return {"candidates": len(found.seeds.candidates), "sinks": sinks}
+    poses = [
+        {
+            "probability": round(one.probability, 4),
+            "accepted": number < len(found.instances),
+            **{name: round(value, 4) for name, value in vars(one.evidence).items()},
+        }
+        for number, one in enumerate((*found.instances, *found.rejected))
+    ]
+    return {"poses": poses}
+
+
+def _line(answer: _Answer) -> dict[str, Any]:
+    """What a journal keeps of an answer, exactly."""
+    return {**vars(answer), "poses": [[pose_line(pose), *more] for pose, *more in answer.poses]}
+
+
+def _from_line(line: dict[str, Any]) -> _Answer:
+    poses = tuple(
+        (pose_of(pose), probability, iterations) for pose, probability, iterations in line["poses"]
+    )
+    return _Answer(**{**line, "poses": poses})
+
+
+def read_mask(path: Path) -> Any:
+    """A mask picture (H, W), not zero on the object; alpha is ignored."""
+    import numpy as np
+
+    from ..datasets.video import opened_image
+
+    with opened_image(path) as mask:
+        return np.asarray(mask.convert("L")) > 0
