@@ -16,6 +16,7 @@ from moveit6d.config import (
     CalibrationConfig,
     ContourConfig,
     DetectorConfig,
+    KeyframeConfig,
     LoopConfig,
     MatchConfig,
     MotionConfig,
@@ -33,7 +34,7 @@ from moveit6d.errors import InputError
 KINDS = (
     TrackerConfig, LoopConfig, MultiStartConfig, PerturbationConfig, MotionConfig, ContourConfig,
     CalibrationConfig, SeedDetectorConfig, TemplateConfig, MatchConfig, VerificationConfig,
-    DetectorConfig, StateConfig, RecoveryConfig,
+    DetectorConfig, StateConfig, RecoveryConfig, KeyframeConfig,
 )  # fmt: skip
 
 
