@@ -156,11 +156,20 @@ def _run(kind: type[FitCLI], arguments: Sequence[str]) -> FitCLI:
         text = " ".join(str(error.message).split())
         remedy = "`moveit6d fit --all_options` lists what there is"
         raise InputError(f"fit: {text[:300].rstrip('.')}; {remedy}.") from error
+    except InputError as error:
+        raise InputError(_sentence(str(error))) from error
     except SystemExit as end:
         # Lightning answers Ctrl-C with the exit code of a defect.
         if isinstance(end.__context__, KeyboardInterrupt):
             raise end.__context__ from None
         raise
+
+
+def _sentence(text: str) -> str:
+    """What an error says; of one from a worker process without the traceback that torch adds."""
+    if not text.startswith("Caught InputError in DataLoader worker"):
+        return text
+    return " ".join(text.rpartition("InputError: ")[2].split())
 
 
 def _configurations(arguments: Sequence[str]) -> Iterator[Path]:

@@ -47,6 +47,7 @@ class LossWeights:
     actions: float = 0.1
     confidence: float = 0.2
     views: float = 0.1
+    teacher: float = 3.0  # at the first step
     # A count of t_z moves a far object by a tenth of its diameter, so it must be the most exact.
     scale: tuple[float, float, float, float, float, float] = (4.0, 4.0, 2.0, 4.0, 4.0, 4.0)
     beta: float = 0.15

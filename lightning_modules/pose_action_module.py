@@ -23,6 +23,7 @@ from moveit6d.networks.kinds import PoseNet
 from moveit6d.networks.weights_file import begin_from, load_network, save_network
 from moveit6d.synthesis.training.pairs import TrainingBatch
 
+from .distillation import Teacher, distillation_loss
 from .losses import (
     LossWeights,
     action_loss,
@@ -50,6 +51,9 @@ class PoseActionModule(pl.LightningModule):
         minutes: length of the schedule in time, if that ends first: for machines that are lent.
         matching_steps: first steps in which only the matching reaches the encoder.
         weights: weights of the loss terms.
+        teacher: weights file whose encoder that of a compact network imitates at first, or
+            `shipped`; None: nobody's.
+        teacher_steps: steps in which the weight of that falls to nothing.
         init_from: weights file (.safetensors) to start from instead of random numbers; of a network
             of the same sizes as `network` or a shallower one (`begin_from`), if there is one.
     """
@@ -66,6 +70,8 @@ class PoseActionModule(pl.LightningModule):
         weight_decay: float = 1e-4,
         matching_steps: int = 500,
         weights: LossWeights | None = None,
+        teacher: Path | str | None = None,
+        teacher_steps: int = 8000,
         init_from: Path | None = None,
     ) -> None:
         super().__init__()
@@ -75,6 +81,8 @@ class PoseActionModule(pl.LightningModule):
         if not 0 < decay <= 1:
             raise InputError(f"model.decay is {decay}, must be above 0 and 1 at most.")
         self.network = _network(network, init_from)
+        self.teacher = None if teacher is None else Teacher(teacher, self.network)
+        self.teacher_steps = teacher_steps
         convert_conv2d_weight_memory_format(self.network, torch.channels_last)  # faster on CPUs
         self.learning_rate, self.schedule = learning_rate, schedule
         self.total_steps, self.warmup_steps = total_steps, warmup_steps
@@ -129,6 +137,7 @@ class PoseActionModule(pl.LightningModule):
             right = prediction.logits.argmax(-1) == expert_action(batch.delta)
             return loss, {"actions": loss.detach(), "accuracy": right.float().mean()}
         early = self.training and self.global_step < self.matching_steps
+        taught = 1 - self.global_step / self.teacher_steps if self.training else 0.0
         network, views = self.network, batch.views
         if isinstance(network, CompactCorrelationNet) and views is not None:
             output = network(batch.observation, early, view_pictures(views))
@@ -139,6 +148,9 @@ class PoseActionModule(pl.LightningModule):
             assert isinstance(network, CompactCorrelationNet) and views is not None
             temperature = network.view_temperature
             terms["views"] = view_loss(output.described, views, batch.mesh, temperature)
+        if self.teacher is not None and output.features is not None and taught > 0:
+            known = self.teacher.features(batch.observation)
+            terms["teacher"] = distillation_loss(output.features, known) * taught
         loss = torch.stack(
             [value * getattr(self.weights, name) for name, value in terms.items()]
         ).sum()

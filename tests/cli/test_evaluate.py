@@ -50,6 +50,26 @@ def test_average_recall_of_two_files(brick: Mesh, tmp_path: Path, capsys: Any, d
     assert "none.json" in capsys.readouterr().err
 
 
+def test_reliability_of_bop_scores(brick: Mesh, tmp_path: Path, capsys: Any) -> None:
+    camera, picture = Camera(180.0, 182.0, 78.0, 61.0, 160, 120), np.zeros((120, 160, 3), np.uint8)
+    images = [BopImage(1, k, picture, camera, [Instance(3, at(0.6))], None) for k in range(4)]
+    root = write_bop(tmp_path / "tiny", "test", {3: brick}, images)
+    places, scores = (0.6, 0.6, 3.0, 3.0), (1.0, 0.8, 0.6, 0.4)
+    estimates = [
+        Estimate(1, k, 3, score, at(z), 0.5)
+        for k, (z, score) in enumerate(zip(places, scores, strict=True))
+    ]
+    write_results(tmp_path / "found.csv", estimates)
+    command = ["evaluate", "bop", "--dataset", str(root), "--split", "test"]
+    command += ["--results", str(tmp_path / "found.csv")]
+    assert main([*command, "--reliability", str(tmp_path / "diagram")]) == 0
+    printed = capsys.readouterr().out
+    assert "4 poses: AUROC 1.000" in printed
+    assert "calibration error 0.300" in printed  # (0 + 0.2 + 0.6 + 0.4) / 4
+    assert (tmp_path / "diagram.png").stat().st_size > 1000
+    assert (tmp_path / "diagram.svg").exists()
+
+
 def test_keyframe_poses_of_one_method(tmp_path: Path, capsys: Any) -> None:
     truth = Pose.stack([at(0.8)] * 4)
     moved = Pose.stack([at(0.8), at(0.85), at(0.85), at(1.2)])

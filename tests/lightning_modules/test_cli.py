@@ -12,6 +12,7 @@ from PIL import Image
 
 from lightning_modules import cli
 from lightning_modules.cli import installed, main
+from moveit6d.errors import InputError
 from moveit6d.networks.weights_file import load_network
 from tests.support.pairs import photos
 
@@ -111,3 +112,14 @@ def test_configurations_that_came_with_the_package_are_found_from_anywhere(
     (tmp_path / name).parent.mkdir(parents=True)
     (tmp_path / name).write_text("a: 2")
     assert installed(name) == name  # one's own comes first
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_what_is_wrong_in_a_worker_process_is_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "pairs").mkdir()
+    words = [word for word in arguments(tmp_path / "out", 2) if "workers" not in word]
+    words += ["--data.workers=1", f"--data.written={tmp_path / 'pairs'}"]
+    with pytest.raises(InputError) as error:
+        main(words)
+    assert "Traceback" not in str(error.value) and "pairs" in str(error.value)
+    assert str(error.value).endswith(".")

@@ -6,7 +6,7 @@ Never tracks or refines.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from .messages import note, progress_bar
 
 if TYPE_CHECKING:
     from ..datasets.bop import BopDataset, Estimate
+    from ..evaluation.metrics.calibration import Reliability
 
 DESCRIPTION = """\
 Prints Markdown tables.
@@ -42,6 +43,10 @@ columns:
 
 The first frame is the given start and is not scored; a frame without a pose is wrong. Frames
 whose pose a protocol gave (stopped_by "reset") are left out, or counted with --count_resets.
+
+--reliability NAME says how good the column `confidence` is as the probability that ADD(-S) is below
+10 % of the diameter, over all scored frames with a pose, and writes the reliability diagram to
+NAME.png and NAME.svg.
 """
 
 BOP = """\
@@ -50,7 +55,8 @@ for objects with a symmetry in models_info.json the mean distance to the nearest
 targets are the true poses of what the first file lists; one that a file lacks is wrong there,
 and of an object that occurs several times in an image every instance is a target of its own.
 Give the poses before and after a refinement, in this order. Score AUROC says how well the score
-column tells poses below 10 % d from others: 1 perfectly, 0.5 not at all.
+column tells poses below 10 % d from others: 1 perfectly, 0.5 not at all; --reliability NAME says
+how good it is as a probability, too, and writes the reliability diagram to NAME.png and NAME.svg.
 
 --errors bop19: the BOP challenge's average recall, the mean of those of VSD, MSSD and MSPD.
 The targets are those of test_targets_bop19.json (or --targets), else every instance of which
@@ -112,6 +118,7 @@ def _add_tracking(kinds: Any) -> None:
     one.add_argument(
         "--count_resets", action="store_true", help="count frames whose pose was given, too"
     )
+    _add_reliability(one)
     one.set_defaults(run=tracking)
 
 
@@ -136,7 +143,14 @@ def _add_bop(kinds: Any) -> None:
         default="embree",
         help="bop19: draws the depths that VSD compares",
     )
+    _add_reliability(two)
     two.set_defaults(run=bop)
+
+
+def _add_reliability(parser: Any) -> None:
+    parser.add_argument(
+        "--reliability", type=Path, metavar="NAME", help="diagram of the confidence: NAME.png, .svg"
+    )
 
 
 def _add_ycbv(kinds: Any) -> None:
@@ -158,11 +172,13 @@ def _add_ycbv(kinds: Any) -> None:
 def tracking(args: argparse.Namespace) -> int:
     """Print a table for each of the results."""
     from ..datasets import open_dataset
-    from ..evaluation.sequence_scores import score_results
+    from ..evaluation.metrics.calibration import reliability
+    from ..evaluation.sequence_scores import confidences, score_results
     from ..evaluation.track_scores import tracking_table
 
     sequences = open_dataset(args.sequences, args.format)
     levels = {sequence.name: sequence.level for sequence in sequences}
+    measured = {}
     for path in args.results:
         scores = score_results(sequences, path, args.count_resets)
         absent = [name for name in levels if name not in scores]
@@ -171,7 +187,24 @@ def tracking(args: argparse.Namespace) -> int:
         if absent:
             note(f"{path}: no result for {', '.join(absent)}.")
         print(f"\n{path.name}\n\n{tracking_table(scores, levels, args.per_sequence)}")
+        if args.reliability is not None:
+            measured[path.name] = reliability(*confidences(sequences, path))
+    _write_reliability(measured, args.reliability)
     return 0
+
+
+def _write_reliability(measured: Mapping[str, Reliability], path: Path | None) -> None:
+    """Print a line for each, and write the diagram of all; nothing if none was asked for."""
+    from ..visualization.charts import reliability_diagram
+    from ..visualization.plots import draw
+
+    if path is None:
+        return
+    for name, one in measured.items():
+        print(f"\n{name}: {one.line()}")
+    curves = {name: (one.confidence, one.right) for name, one in measured.items()}
+    written = draw(reliability_diagram(path.name, curves), path.parent)
+    print(f"\n{', '.join(map(str, written))}")
 
 
 def bop(args: argparse.Namespace) -> int:
@@ -188,6 +221,9 @@ def bop(args: argparse.Namespace) -> int:
     targets = targets_of(files[0][1], dataset)
     scores = [(name, score_results(dataset, rows, targets)) for name, rows in files]
     print(results_table(scores))
+    if args.reliability is not None:
+        measured = {name: one.reliability for name, one in scores}
+        _write_reliability(measured, args.reliability)
     return 0
 
 

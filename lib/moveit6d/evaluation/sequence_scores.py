@@ -9,12 +9,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import torch
+from torch import Tensor
+
 from ..datasets.pose_files import PoseRow
 from ..datasets.sequences import Sequence
 from ..errors import InputError
 from ..geometry.pose import Pose
+from .metrics import ADD_LIMIT
 from .protocols import is_given
-from .track_scores import EvaluationPoints, Score, read_track, score
+from .track_scores import EvaluationPoints, Score, frame_errors, read_track, score
 
 
 def scored_truth(
@@ -62,10 +66,34 @@ def score_results(
         raise InputError(f"{path} is one track, but there are {len(listed)} sequences.")
     scores = {}
     for sequence in listed:
-        name = sequence.name
-        places = [path] if path.is_file() else [path / f"{name}.csv", path / name / "poses.csv"]
-        file = next((place for place in places if place.exists()), None)
+        file = _track_of(path, sequence.name)
         found = score_track(sequence, read_track(file), count_resets) if file is not None else None
         if found is not None:
-            scores[name] = found
+            scores[sequence.name] = found
     return scores
+
+
+def confidences(sequences: Iterable[Sequence], path: Path) -> tuple[Tensor, Tensor]:
+    """Confidences (N,) of all scored frames with a pose of the results at `path`, and which (N,)
+    are right: ADD(-S) below 10 % of the diameter.
+    """
+    found: list[float] = []
+    right: list[bool] = []
+    for sequence in sequences:
+        file = _track_of(path, sequence.name)
+        if file is None:
+            continue
+        rows = read_track(file)
+        surface = EvaluationPoints.of(sequence.load_mesh(), symmetric=sequence.symmetric)
+        for error in frame_errors(rows, scored_truth(sequence, rows), surface):
+            row = rows.get(error.frame)
+            if row is not None and row.pose is not None and row.confidence is not None:
+                found.append(row.confidence)
+                right.append(error.add < ADD_LIMIT * surface.diameter)
+    return torch.tensor(found), torch.tensor(right)
+
+
+def _track_of(path: Path, name: str) -> Path | None:
+    """The file of a sequence's track among results; None if there is none."""
+    places = [path] if path.is_file() else [path / f"{name}.csv", path / name / "poses.csv"]
+    return next((place for place in places if place.exists()), None)

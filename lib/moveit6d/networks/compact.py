@@ -133,9 +133,8 @@ class CompactCorrelationNet(nn.Module):
         """
         batch = len(observation)
         depth = observation.depth if self.config.use_depth else torch.zeros_like(observation.depth)
-        # Grey, not black, around the object: a dark one would have no outline.
-        rendering = (observation.rendering - GREY) * observation.mask
-        pictures = torch.cat([observation.image - GREY, rendering])
+        pictures = encoder_pictures(observation)
+        rendering = pictures[batch:]
         if beside is not None:
             pictures = torch.cat([pictures, beside - GREY])
         shared4 = self.encode4(pictures.contiguous(memory_format=torch.channels_last))
@@ -145,6 +144,7 @@ class CompactCorrelationNet(nn.Module):
             apart = shared8[2 * batch :]
             described = self.describe(apart.detach() if matching_only else apart)
             shared4, shared8 = shared4[: 2 * batch], shared8[: 2 * batch]
+        features = shared4, shared8
         shared8 = centred(shared8)
         geometry = torch.cat([rendering, depth, observation.mask], 1)
         geometry4 = self.geometry4(geometry.contiguous(memory_format=torch.channels_last))
@@ -179,7 +179,8 @@ class CompactCorrelationNet(nn.Module):
         confidence = self.confidence_head(torch.cat([*pooled, facts.detach()], 1))[:, 0]
         prediction = PolicyOutput(values[:, 6:19], delta, torch.sigmoid(confidence), attention)
         return CorrelationOutput(
-            matching.flatten(2).mT, coarse, fine, solved, confidence, prediction, described
+            matching.flatten(2).mT, coarse, fine, solved, confidence, prediction, described,
+            features,
         )  # fmt: skip
 
     def _decode(self, volume: Tensor, context: Tensor) -> tuple[Tensor, DensePrediction]:
@@ -262,6 +263,16 @@ class CompactCorrelationNet(nn.Module):
         fine = self.fine_decode(side_by_side(volume, start / 16, context))
         middle = correlation[:, correlation.shape[1] // 2]
         return dense_prediction(self.fine_answer(fine), start, 4.0), fine, middle
+
+
+def encoder_pictures(observation: Observation) -> Tensor:
+    """What the encoder sees of a batch: the images, then the renderings, (2 B, 3, H, W).
+
+    Grey, not black, around the object: a dark one would have no outline.
+    """
+    rendering = (observation.rendering - GREY) * observation.mask
+    pictures = torch.cat([observation.image - GREY, rendering])
+    return pictures.contiguous(memory_format=torch.channels_last)
 
 
 def _mean(values: Tensor, where: Tensor) -> Tensor:

@@ -59,7 +59,8 @@ class CorrelationOutput:
     """Everything that training looks at; `prediction` is what the loop needs.
 
     `matching` (B, cells, offsets) are scaled correlation logits at stride 8, `solved` (B, 6) the
-    least squares before the head's correction.
+    least squares before the head's correction, `features` the encoder's at strides 4 and 8, of the
+    images and then of the renderings (2 B, C, …), where the network gives them.
     """
 
     matching: Tensor
@@ -69,6 +70,7 @@ class CorrelationOutput:
     confidence_logit: Tensor
     prediction: PolicyOutput
     described: Tensor | None = None  # descriptors of further pictures (`CompactCorrelationNet`)
+    features: tuple[Tensor, Tensor] | None = None
 
 
 class CorrelationNet(nn.Module):

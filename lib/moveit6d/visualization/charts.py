@@ -73,4 +73,19 @@ class Sheet:
     panels: tuple[Panel, ...]
 
 
+def reliability_diagram(name: str, curves: Mapping[str, tuple[Any, Any]]) -> LineChart:
+    """Mean confidence against share of right poses by bin, beside the diagonal.
+
+    `curves` are (confidence, right) by label, each (bins,).
+    """
+    drawn = [
+        Curve(label, tuple(map(float, confidence)), tuple(map(float, right)))
+        for label, (confidence, right) in curves.items()
+    ]
+    return LineChart(
+        name, "Reliability", "confidence", "share with ADD(-S) < 10 % of the diameter",
+        (*drawn, Curve("calibrated", (0.0, 1.0), (0.0, 1.0))),
+    )  # fmt: skip
+
+
 Chart = LineChart | BarChart | Sheet

@@ -18,6 +18,7 @@ from ...errors import InputError
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from .. import metrics
+from ..metrics.calibration import Reliability, reliability
 from ..tables import markdown, percent
 from .matching import best_scored, match
 
@@ -50,6 +51,12 @@ class ResultScore:
     def auroc(self) -> float:
         """How well the score column tells poses below 10 % from others."""
         return metrics.auroc(self.scores, self.errors < metrics.ADD_LIMIT)
+
+    @property
+    def reliability(self) -> Reliability:
+        """How good the score column is as a probability, where there is an estimate."""
+        given = self.errors.isfinite()
+        return reliability(self.scores[given], self.errors[given] < metrics.ADD_LIMIT)
 
 
 def targets_of(estimates: Iterable[Estimate], dataset: BopDataset) -> list[Target]:
