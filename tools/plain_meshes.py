@@ -10,6 +10,7 @@ with ADD below 10, 5 and 2 % of the diameter.
 from __future__ import annotations
 
 import argparse
+import itertools
 import sys
 from pathlib import Path
 
@@ -20,15 +21,17 @@ from lightning_modules.cli import read_data
 from moveit6d.config import KeyframeConfig, TrackerConfig
 from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.sequences import Sequence, read_sequences
+from moveit6d.datasets.video import open_frames
 from moveit6d.estimation import PoseTracker
 from moveit6d.evaluation.track_scores import EvaluationPoints, frame_errors
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.policies import NetworkPolicy, load_policy
-from moveit6d.synthesis.augmentation.photos import load_photos
 from moveit6d.synthesis.sequences.sequence import write_sequence
 
 CONFIG = Path(__file__).parents[1] / "configs/fit/compact.yaml"
-CLIPS = {"medium": (60, 700), "fast": (30, 900)}  # frames and seed
+CLIPS = {"medium": 700, "fast": 900}  # seeds
+FRAMES, TRACKED = 60, {"fast": 30}  # frames made, and tracked where that is fewer
+PHOTOS = 60
 LIMITS = (0.1, 0.05, 0.02)  # of the diameter
 
 
@@ -54,8 +57,9 @@ def main() -> int:
 def _make(meshes: Path, photos: Path, clips: Path) -> None:
     """The clips that are missing."""
     data = read_data([f"--config={CONFIG}", f"--data.meshes={meshes}"])
-    backgrounds = load_photos(photos, 60)
-    for level, (frames, seed) in CLIPS.items():
+    read = itertools.islice(open_frames(photos), PHOTOS)
+    backgrounds = [photo.image for photo in read if photo.image is not None]
+    for level, seed in CLIPS.items():
         for number, path in enumerate(data.mesh_paths()[1]):
             folder = clips / f"{level}_{number:02d}"
             if not folder.exists():
@@ -63,7 +67,7 @@ def _make(meshes: Path, photos: Path, clips: Path) -> None:
                     folder,
                     mesh=Mesh.load(path),
                     seed=seed + number,
-                    frames=frames,
+                    frames=FRAMES,
                     difficulty=level,
                     photos=backgrounds,
                 )
@@ -71,7 +75,8 @@ def _make(meshes: Path, photos: Path, clips: Path) -> None:
 
 def _errors(sequence: Sequence, looks: str, policy: NetworkPolicy) -> np.ndarray:
     """ADD of each frame after the first, of 1 diameter; infinite where there is no pose."""
-    own, frames = sequence.load_mesh(), [frame.image for frame in sequence.open()]
+    own, count = sequence.load_mesh(), TRACKED.get(sequence.level, FRAMES)
+    frames = [frame.image for frame in itertools.islice(sequence.open(), count)]
     first = frames[0]
     assert first is not None
     mesh = Mesh.from_arrays(own.name, own.vertices + own.center, own.faces)
@@ -84,7 +89,8 @@ def _errors(sequence: Sequence, looks: str, policy: NetworkPolicy) -> np.ndarray
     for number, image in enumerate(frames[1:], 1):
         rows[number] = PoseRow(frame=number, pose=tracker.update(image).pose)
     surface = EvaluationPoints.of(own)
-    errors = frame_errors(rows, sequence.truth, surface)
+    truth = {frame: pose for frame, pose in sequence.truth.items() if frame < count}
+    errors = frame_errors(rows, truth, surface)
     return np.array([error.add for error in errors]) / surface.diameter
 
 

@@ -1,7 +1,8 @@
-"""Keyframes: pictures of a textured object, shown again on its plain mesh, against renderings."""
+"""Keyframes: pictures of a textured object, shown again on its plain mesh, and renderings."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -14,7 +15,7 @@ from torch import Tensor
 from moveit6d.config import ActionMode, KeyframeConfig, TrackerConfig
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseTracker
-from moveit6d.estimation.keyframes import SIZE, Keyframe, Keyframes, recall
+from moveit6d.estimation.keyframes import SIZE, Keyframe, KeyframeMemory, recall
 from moveit6d.frame import Frame, prepare_frame
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.crop import Crop
@@ -27,6 +28,7 @@ from moveit6d.rendering import make_renderer
 from tests.support.meshes import box_arrays, l_shape, sphere, textured_box
 from tests.support.pictures import CAMERA, picture
 
+Thing = Callable[[tuple[float, float, float]], tuple[Mesh, Mesh, Pose]]
 RENDERER = make_renderer()
 REMEMBER = TrackerConfig(keyframes=KeyframeConfig(enabled=True))
 
@@ -63,7 +65,7 @@ def frame_of(mesh: Mesh, pose: Pose) -> Frame:
 
 
 def seen(
-    frame: Frame, mesh: Mesh, pose: Pose, known: Keyframes | None, zoom: float = 1.0,
+    frame: Frame, mesh: Mesh, pose: Pose, known: KeyframeMemory | None, zoom: float = 1.0,
     crop: Crop = "look_at",
 ) -> Observation:  # fmt: skip
     one = Pose(pose.rotation[None], pose.translation[None])
@@ -72,8 +74,8 @@ def seen(
     return recall(observation, [known], [mesh], one, size, crop)
 
 
-def remembered(mesh: Mesh, *frames: tuple[Frame, Pose]) -> Keyframes:
-    known = Keyframes(KeyframeConfig(enabled=True))
+def remembered(mesh: Mesh, *frames: tuple[Frame, Pose]) -> KeyframeMemory:
+    known = KeyframeMemory(KeyframeConfig(enabled=True))
     for frame, pose in frames:
         known = known.add(Keyframe.take(frame, mesh, pose, RENDERER))
     return known
@@ -88,7 +90,7 @@ def inner(mask: Tensor) -> Tensor:
 @pytest.mark.parametrize("zoom", [1.0, 1.6])
 @pytest.mark.parametrize("crop", ["look_at", "axis_parallel"])
 @pytest.mark.parametrize("thing", [box, ball])
-def test_a_keyframe_at_its_own_pose_is_the_picture(thing, crop: Crop, zoom: float) -> None:  # type: ignore[no-untyped-def]
+def test_a_keyframe_at_its_own_pose_is_the_picture(thing: Thing, crop: Crop, zoom: float) -> None:
     painted, plain, pose = thing((0.3, -0.4, 0.2))
     frame = frame_of(painted, pose)
     again = seen(frame, plain, pose, remembered(plain, (frame, pose)), zoom, crop)
@@ -105,7 +107,7 @@ def test_a_keyframe_at_its_own_pose_is_the_picture(thing, crop: Crop, zoom: floa
 
 
 @pytest.mark.parametrize("thing", [box, ball])
-def test_from_another_side_it_shows_what_a_picture_from_there_shows(thing) -> None:  # type: ignore[no-untyped-def]
+def test_from_another_side_it_shows_what_a_picture_from_there_shows(thing: Thing) -> None:
     painted, plain, then = thing((0.5, -0.6, 0.2))
     now = replace(at((0.3, -0.4, 0.5), 0.45))
     known = remembered(plain, (frame_of(painted, then), then))
@@ -166,10 +168,10 @@ def test_of_two_keyframes_the_older_one_counts_and_the_newer_one_adds() -> None:
 
 def test_frames_are_kept_that_are_confident_and_show_another_side() -> None:
     config = KeyframeConfig(enabled=True, count=2, spread=20.0, min_confidence=0.8)
-    known = Keyframes(config)
+    known = KeyframeMemory(config)
     frame, plain = prepare_frame(np.zeros((256, 256, 3), np.uint8), CAMERA), box((0, 0, 0))[1]
 
-    def keep(pose: Pose) -> Keyframes:
+    def keep(pose: Pose) -> KeyframeMemory:
         return known.add(Keyframe.take(frame, plain, pose, RENDERER))
 
     assert known.wants(at((0, 0, 0)), 0.8) and not known.wants(at((0, 0, 0)), 0.79)
@@ -241,7 +243,7 @@ def test_a_tracker_shows_the_policy_what_it_saw(exact: bool) -> None:
     again = policy.shown[0]
     assert float((again.rendering - again.image).abs()[inner(again.mask)].median()) < 0.02
     tracker.reset(plain.outer(pose))
-    assert tracker.tracks[0].keyframes == Keyframes(REMEMBER.keyframes)
+    assert tracker.tracks[0].keyframes == KeyframeMemory(REMEMBER.keyframes)
 
 
 def test_nothing_is_remembered_unless_asked_for_and_of_no_mesh_with_colours() -> None:

@@ -87,7 +87,7 @@ class Keyframe:
 
 
 @dataclass(frozen=True)
-class Keyframes:
+class KeyframeMemory:
     """The keyframes of one object, the oldest first, each from another side."""
 
     config: KeyframeConfig
@@ -99,7 +99,7 @@ class Keyframes:
             return False
         return all(_angle(one.pose, centred) > self.config.spread for one in self.kept)
 
-    def add(self, new: Keyframe) -> Keyframes:
+    def add(self, new: Keyframe) -> KeyframeMemory:
         """These and one more."""
         return replace(self, kept=(*self.kept, new))
 
@@ -115,7 +115,7 @@ class Keyframes:
 
 def recall(
     observation: Observation,
-    keyframes: Sequence[Keyframes | None],
+    keyframes: Sequence[KeyframeMemory | None],
     meshes: Sequence[Mesh],
     pose: Pose,
     sphere_diameter: Tensor,

@@ -17,7 +17,7 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..typing import ImageLike
-from .keyframes import Keyframes
+from .keyframes import KeyframeMemory
 from .states import TrackingState
 
 
@@ -85,7 +85,7 @@ class Start:
     centred: Pose
     depth_bias: float = 0.0
     fine: bool = False
-    keyframes: Keyframes | None = None
+    keyframes: KeyframeMemory | None = None
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from ..geometry.equivalent import nearest_equivalent
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3, log_so3
-from .keyframes import Keyframes
+from .keyframes import KeyframeMemory
 
 DEFAULT = TrackerConfig()
 
@@ -50,14 +50,14 @@ class TrackState:
     slow: bool = False
     histograms: ColourHistograms | None = None
     depth_bias: float = 0.0
-    keyframes: Keyframes | None = None
+    keyframes: KeyframeMemory | None = None
     random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     @staticmethod
     def begin(mesh: Mesh, centred: Pose, config: TrackerConfig = DEFAULT) -> TrackState:
         """A track that starts at a pose which is taken to be right."""
         remembers = config.keyframes.enabled and not mesh.has_colours
-        keyframes = Keyframes(config.keyframes) if remembers else None
+        keyframes = KeyframeMemory(config.keyframes) if remembers else None
         return TrackState(mesh, centred, centred, config, keyframes=keyframes)
 
     @property
