@@ -51,6 +51,8 @@ def test_a_mesh_without_colours_is_not_passed_over(brick_file: Path, capsys: Any
     given = Namespace(start=["x"], texture_from_start=False)
     assert not wants_paint(given, [plain])
     assert "part has no colours" in capsys.readouterr().err
+    assert not wants_paint(given, [plain], remembered=True)
+    assert capsys.readouterr().err == ""
     assert not wants_paint(given, [Mesh.load(brick_file)])
     assert capsys.readouterr().err == ""
     assert wants_paint(Namespace(start=["x"], texture_from_start=True), [plain])

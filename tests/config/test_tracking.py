@@ -16,6 +16,7 @@ from moveit6d.config import (
     CalibrationConfig,
     ContourConfig,
     DetectorConfig,
+    KeyframeConfig,
     LoopConfig,
     MatchConfig,
     MotionConfig,
@@ -35,7 +36,7 @@ from moveit6d.errors import InputError
 KINDS = (
     TrackerConfig, LoopConfig, MultiStartConfig, PerturbationConfig, MotionConfig, ContourConfig,
     CalibrationConfig, SeedDetectorConfig, TemplateConfig, MatchConfig, VerificationConfig,
-    DetectorConfig, StateConfig, RecoveryConfig, RegionConfig, TextureConfig,
+    DetectorConfig, StateConfig, RecoveryConfig, RegionConfig, TextureConfig, KeyframeConfig,
 )  # fmt: skip
 
 

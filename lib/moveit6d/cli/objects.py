@@ -70,15 +70,19 @@ def object_names(paths: Sequence[Path]) -> list[str]:
     ]
 
 
-def wants_paint(args: argparse.Namespace, meshes: Sequence[Mesh]) -> bool:
-    """Whether meshes without colours are painted; says that they could be, if not."""
+def wants_paint(args: argparse.Namespace, meshes: Sequence[Mesh], remembered: bool = False) -> bool:
+    """Whether meshes without colours are painted; says that they could be, if not.
+
+    `remembered`: their looks are learnt from keyframes, and nothing needs to be said.
+    """
     plain = [mesh.name for mesh in meshes if not mesh.has_colours]
     if args.texture_from_start and not args.start:
         raise InputError("--texture_from_start needs the pose in the first frame: give --start.")
-    if plain and not args.texture_from_start:
+    if plain and not (args.texture_from_start or remembered):
         note(
             f"{', '.join(plain)} has no colours, which makes it hard to follow; with "
-            "--texture_from_start it takes those of the first frame."
+            "--texture_from_start it takes those of the first frame, with --keyframes.enabled true "
+            "those of all confident ones."
         )
     return bool(plain) and args.texture_from_start
 

@@ -163,7 +163,7 @@ def run(args: argparse.Namespace) -> int:
     policy, renderer = make_tools(setting)
     # What is live and read ahead would show the past.
     ahead = iter(Latest(frames) if getattr(frames, "live", False) else Prefetched(frames))
-    if wants_paint(args, meshes):
+    if wants_paint(args, meshes, setting.config.keyframes.enabled):
         first, ahead = peek(ahead)
         meshes = painted(meshes, starts, first, camera, setting.config.texture)
     tracker = PoseTracker(

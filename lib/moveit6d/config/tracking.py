@@ -184,6 +184,35 @@ class TextureConfig:
 
 
 @dataclass(frozen=True)
+class KeyframeConfig:
+    """Memory of the looks of an object whose mesh has no colours: confident frames of a track.
+
+    Renderings take the colours that keyframes show of the surface, the oldest first: later ones
+    only add what those before did not see.
+
+    Args:
+        enabled: whether to do it at all.
+        count: keyframes of an object at most, some 1.5 MB each.
+        spread: degrees that the side a new one shows is turned from those of all others, at least.
+        reach: degrees from the side that is seen, up to which keyframes are looked at.
+        min_confidence: a frame of less is no keyframe.
+    """
+
+    enabled: bool = False
+    count: int = 24
+    spread: float = 25.0
+    reach: float = 60.0
+    min_confidence: float = 0.8
+
+    def __post_init__(self) -> None:
+        if self.count < 1 or not self.spread > 0 or not self.reach > 0:
+            raise InputError(
+                "KeyframeConfig: count must be 1 or more, spread and reach positive, found "
+                f"{self.count}, {self.spread} and {self.reach}."
+            )
+
+
+@dataclass(frozen=True)
 class TrackerConfig:
     """Everything that decides a track or a detection besides the policy and the renderer.
 
@@ -199,6 +228,7 @@ class TrackerConfig:
         texture: painting of meshes without colours from the first frame.
         detection: search of a whole image for an object.
         recovery: when an object counts as lost, and how it is looked for then.
+        keyframes: memory of the looks of objects without colours.
 
     Examples:
         >>> from moveit6d import TrackerConfig
@@ -217,6 +247,7 @@ class TrackerConfig:
     texture: TextureConfig = field(default_factory=TextureConfig)
     detection: DetectorConfig = field(default_factory=DetectorConfig)
     recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
+    keyframes: KeyframeConfig = field(default_factory=KeyframeConfig)
 
     def __post_init__(self) -> None:
         if not 0 <= self.low_confidence <= self.high_confidence <= 1:

@@ -18,6 +18,7 @@ from ..networks.policy_output import PolicyOutput
 from ..observation import observe
 from ..policies import LoopState, Policy, mode_of, to_action
 from ..rendering.renderer import Renderer
+from .keyframes import recall
 from .results import Refined, Start, Target, TrackingResult, starts_of
 from .schedule import Schedule
 
@@ -65,6 +66,8 @@ def refine_starts(
         frames, meshes = zip(*((starts[i].frame, starts[i].mesh) for i in rows), strict=True)
         current, diameter = pose[rows], size[rows] / schedule.scale[rows]
         observation = observe(frames, meshes, current, diameter, renderer, policy.crop)
+        keyframes = [starts[i].keyframes for i in rows]
+        observation = recall(observation, keyframes, meshes, current, diameter, policy.crop)
         state = LoopState(current, diameter, schedule.groups[rows])
         output = policy.predict(observation, state)
         output = _without_bias(output, depth_bias[rows] * schedule.fine[rows])

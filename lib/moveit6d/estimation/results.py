@@ -17,6 +17,7 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..typing import ImageLike
+from .keyframes import KeyframeMemory
 from .states import TrackingState
 
 
@@ -75,7 +76,8 @@ class Start:
     """Where a loop starts: a frame, a mesh and a centred pose, float64.
 
     `depth_bias` are the units of t_z that the policy is known to be off by in the fine stage
-    (`calibration`); with `fine` the loop starts there.
+    (`calibration`); with `fine` the loop starts there. `keyframes` are what the object looked like
+    in earlier frames.
     """
 
     frame: Frame
@@ -83,6 +85,7 @@ class Start:
     centred: Pose
     depth_bias: float = 0.0
     fine: bool = False
+    keyframes: KeyframeMemory | None = None
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from ..geometry.equivalent import nearest_equivalent
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3, log_so3
+from .keyframes import KeyframeMemory
 
 DEFAULT = TrackerConfig()
 
@@ -32,7 +33,8 @@ class TrackState:
     `frames_low` counts the frames in a row whose confidence was low.
     `above_low` and `above_high` say which thresholds the last confidence reached, `slow` that the
     object is confidently tracked and hardly moved. `histograms` are the colours of the object and
-    its surroundings, `depth_bias` what the policy is known to be off by (`calibration`).
+    its surroundings, `depth_bias` what the policy is known to be off by (`calibration`),
+    `keyframes` what the object looked like, None where that is not remembered.
     """
 
     mesh: Mesh
@@ -48,12 +50,15 @@ class TrackState:
     slow: bool = False
     histograms: ColourHistograms | None = None
     depth_bias: float = 0.0
+    keyframes: KeyframeMemory | None = None
     random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     @staticmethod
     def begin(mesh: Mesh, centred: Pose, config: TrackerConfig = DEFAULT) -> TrackState:
         """A track that starts at a pose which is taken to be right."""
-        return TrackState(mesh, centred, centred, config)
+        remembers = config.keyframes.enabled and not mesh.has_colours
+        keyframes = KeyframeMemory(config.keyframes) if remembers else None
+        return TrackState(mesh, centred, centred, config, keyframes=keyframes)
 
     @property
     def pose(self) -> Pose:

@@ -27,6 +27,7 @@ from .calibration import depth_bias
 from .contour_stage import refine_result
 from .detection import PoseDetector, TemplateStore
 from .inputs import camera_of, meshes_of, policy_of, poses_of, renderer_of
+from .keyframes import Keyframe
 from .multi_start import most_confident, perturbed_starts, uses_multi_start
 from .recovery import Supervisor
 from .refine import refine_starts
@@ -208,7 +209,8 @@ class PoseTracker(Generic[Results]):
         if any(supervisor.lost for supervisor in self.supervisors):
             raise InputError("There is nothing to calibrate from while an object is lost.")
         for track in self.tracks:
-            exact = Start(frame, track.mesh, track.centred)
+            self._remember(frame, track, 1.0)
+            exact = Start(frame, track.mesh, track.centred, keyframes=track.keyframes)
             track.histograms = histograms_at(
                 frame.pixels,
                 frame.intrinsics,
@@ -261,6 +263,7 @@ class PoseTracker(Generic[Results]):
         centred = track.mesh.inner(found.to(torch.float64))
         again = TrackState.begin(track.mesh, centred, self.config)
         again.histograms, again.depth_bias = track.histograms, track.depth_bias
+        again.keyframes = track.keyframes
         self.tracks[number] = again
         return True
 
@@ -271,7 +274,9 @@ class PoseTracker(Generic[Results]):
             track = self.tracks[number]
             for centred in track.starts():
                 groups.append(number)
-                starts.append(Start(frame, track.mesh, centred, track.depth_bias, track.slow))
+                starts.append(
+                    Start(frame, track.mesh, centred, track.depth_bias, track.slow, track.keyframes)
+                )
         results = refine_starts(
             starts,
             policy=self.policy,
@@ -317,7 +322,9 @@ class PoseTracker(Generic[Results]):
             start
             for centred in track.recovery_poses()
             for start in perturbed_starts(
-                Start(frame, track.mesh, centred, track.depth_bias), around, track.random
+                Start(frame, track.mesh, centred, track.depth_bias, keyframes=track.keyframes),
+                around,
+                track.random,
             )
         ]
 
@@ -339,7 +346,16 @@ class PoseTracker(Generic[Results]):
         judged = supervisor.judged(result.result(track.mesh), agreement)
         if judged.state is TrackingState.TRACKING:
             track.update_histograms(histograms)
+            self._remember(frame, track, judged.confidence)
         return judged
+
+    def _remember(self, frame: Frame, track: TrackState, confidence: float) -> None:
+        """Keep what a frame shows of an object at its pose, if that is new and to be kept."""
+        known = track.keyframes
+        if known is not None and known.wants(track.centred, confidence):
+            track.keyframes = known.add(
+                Keyframe.take(frame, track.mesh, track.centred, self.renderer)
+            )
 
 
 def _timed(result: TrackingResult, begin: float) -> TrackingResult:

@@ -136,7 +136,13 @@ def crop_patches(images: Tensor, view: View, intrinsics: Tensor) -> Tensor:
     return _sample(images, patch_to_image(view, intrinsics))
 
 
-def crop_patch(image: Tensor, view: View, intrinsics: Tensor, lens: Lens | None = None) -> Tensor:
+def crop_patch(
+    image: Tensor,
+    view: View,
+    intrinsics: Tensor,
+    lens: Lens | None = None,
+    size: int = PATCH_SIZE,
+) -> Tensor:
     """One anti-aliased float patch (C, 128, 128) in [0, 1] of a uint8 or float image (C, H, W).
 
     Only the window that the patch sees is touched; if it is finer than the patch it is averaged
@@ -146,8 +152,8 @@ def crop_patch(image: Tensor, view: View, intrinsics: Tensor, lens: Lens | None 
     back = patch_to_image(view, intrinsics)
     finer = float(intrinsics[0, 0] / view.intrinsics[0, 0])  # image pixels a patch pixel
     factor = max(1, min(int(1.2 * finer), *image.shape[-2:]))
-    pixels = None if lens is None else patch_pixels(view, intrinsics, lens)
-    seen = _extent(back) if pixels is None else [plane.aminmax() for plane in pixels]
+    pixels = None if lens is None else patch_pixels(view, intrinsics, lens, size)
+    seen = _extent(back, size) if pixels is None else [plane.aminmax() for plane in pixels]
     window, (left, top) = _window(image, seen, factor)
     scale = 1.0 if window.is_floating_point() else 1 / 255
     window = window.to(torch.float32)
@@ -164,10 +170,12 @@ def crop_patch(image: Tensor, view: View, intrinsics: Tensor, lens: Lens | None 
         return patch[0]
     moved = back.clone()
     moved[:2] = (back[:2] - offset[:, None] * back[2]) / factor
-    return _sample(window, moved[None])[0]
+    return _sample(window, moved[None], size)[0]
 
 
-def patch_pixels(view: View, intrinsics: Tensor, lens: Lens | None = None) -> tuple[Tensor, Tensor]:
+def patch_pixels(
+    view: View, intrinsics: Tensor, lens: Lens | None = None, size: int = PATCH_SIZE
+) -> tuple[Tensor, Tensor]:
     """Where each pixel of an unbatched view's patch lies in the image: u and v (128, 128), float64.
 
     Rays that the lens does not show, and those behind the camera, lie far outside.
@@ -176,34 +184,34 @@ def patch_pixels(view: View, intrinsics: Tensor, lens: Lens | None = None) -> tu
         turn, virtual, matrix = (
             one.double().numpy() for one in (view.rotation, view.intrinsics, intrinsics)
         )
-        u, v = lens.patch_map(turn, virtual, matrix, PATCH_SIZE)
+        u, v = lens.patch_map(turn, virtual, matrix, size)
         return torch.from_numpy(u).double(), torch.from_numpy(v).double()
-    x, y, z = _back(patch_to_image(view, intrinsics)[None])
+    x, y, z = _back(patch_to_image(view, intrinsics)[None], size)
     if float(z.min()) <= 0:
         x, z = torch.where(z > 0, x, FAR), torch.where(z > 0, z, 1.0)
     return (x / z)[0], (y / z)[0]
 
 
-def _sample(images: Tensor, back: Tensor) -> Tensor:
+def _sample(images: Tensor, back: Tensor, size: int = PATCH_SIZE) -> Tensor:
     """Images (B, C, H, W) at the places that homographies (B, 3, 3) send patch pixels to."""
-    x, y, z = _back(back)
+    x, y, z = _back(back, size)
     u, v = (x / z).to(images.dtype), (y / z).to(images.dtype)
     patches: Tensor = remap(images, u, v, align_corners=True)
     return patches
 
 
-def _back(back: Tensor) -> tuple[Tensor, ...]:
+def _back(back: Tensor, size: int) -> tuple[Tensor, ...]:
     """The image's homogeneous pixels (B, 128, 128), three of them, for all pixels of patches."""
-    line = torch.arange(PATCH_SIZE, dtype=back.dtype, device=back.device)
+    line = torch.arange(size, dtype=back.dtype, device=back.device)
     # Each patch pixel (x, y, 1) on its way back to the image: a row, a column and a constant.
     rows = back[:, :, 1, None] * line + back[:, :, 2, None]  # (B, 3, 128)
     columns = back[:, :, 0, None] * line
     return (rows[..., None] + columns[:, :, None]).unbind(1)  # (B, 128, 128) each
 
 
-def _extent(back: Tensor) -> list[tuple[float, float]]:
+def _extent(back: Tensor, size: int) -> list[tuple[float, float]]:
     """Lowest and highest u and v of the image that a patch sees; all of it behind the camera."""
-    edge = float(PATCH_SIZE)
+    edge = float(size)
     seen = [[a * x + b * y + c for x in (-1.0, edge) for y in (-1.0, edge)] for a, b, c in
             back.tolist()]  # fmt: skip
     if min(seen[2]) <= 0:
