@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 import torch
 
+from moveit6d.config import ContourConfig
 from moveit6d.contour.extraction import find_contour
 from moveit6d.datasets.bop import BopDataset, Estimate, by_image, read_results
 from moveit6d.evaluation.bop.add_recall import score_results, targets_of
@@ -40,7 +41,7 @@ def contrast(frame: Frame, mesh: Mesh, pose: Pose, view: View, renderer: Rendere
     patch = cv2.GaussianBlur(patch.numpy(), (0, 0), BLUR)
     virtual = view.to_virtual(mesh.inner(pose.to(torch.float64)))
     seen = renderer.render([mesh], Pose.stack([virtual]), view.intrinsics[None])
-    contour = find_contour(seen.mask[0, 0].numpy() > 0.5, POINTS)
+    contour = find_contour(seen.mask[0, 0].numpy() > 0.5, POINTS, ContourConfig().normal_blur)
     if contour is None:
         return float("nan")
     along = [cv2.Sobel(patch, cv2.CV_32F, *axis, ksize=1) / 2 for axis in ((1, 0), (0, 1))]

@@ -21,7 +21,7 @@ def interrupted(output: Path) -> Path:
 
 def test_what_was_done_is_gone_on_from(tmp_path: Path) -> None:
     path = interrupted(tmp_path / "r.csv")
-    path.write_bytes(path.read_bytes() + b'[3, "thr')  # killed while it wrote
+    path.write_bytes(path.read_bytes() + b'[3, "half')  # killed while it wrote
     with Journal(tmp_path / "r.csv", FACTS, resume=True) as journal:
         assert journal.entries == [[1, "one"], [2, "two"]]
         journal.add([3, "three"])

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d.synthesis.imaging.shading import Illumination, Material, Surface, shade
+from moveit6d.synthesis.imaging.shading import Illumination, Material, ShadedSurface, shade
 
 
-def a_surface(count: int = 3, size: int = 5) -> Surface:
+def a_surface(count: int = 3, size: int = 5) -> ShadedSurface:
     """Random normals that face the camera, in the left half of each view."""
     generator = torch.Generator().manual_seed(0)
     normal = torch.randn(count, 3, size, size, generator=generator)
@@ -15,7 +15,7 @@ def a_surface(count: int = 3, size: int = 5) -> Surface:
     mask = torch.zeros(count, 1, size, size)
     mask[..., : size // 2] = 1
     intrinsics = torch.tensor([[9.0, 0, 2], [0, 9, 2], [0, 0, 1]]).expand(count, 3, 3)
-    return Surface.of(
+    return ShadedSurface.of(
         torch.rand(count, 3, size, size, generator=generator),
         torch.nn.functional.normalize(normal, dim=1),
         4 + torch.rand(count, 1, size, size, generator=generator),

@@ -18,7 +18,7 @@ from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.rendering.backends import make_renderer
-from moveit6d.synthesis.imaging.shading import Surface
+from moveit6d.synthesis.imaging.shading import ShadedSurface
 from moveit6d.synthesis.objects.demo_object import demo_object
 from moveit6d.synthesis.objects.occluders import random_occluder
 from moveit6d.synthesis.objects.shapes import random_object
@@ -84,7 +84,7 @@ def test_truth_is_where_the_object_is_seen(
     seed: int, robot: Mesh, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Glowing and still in front of black: the picture is the true silhouette, soft at its edge.
-    def brightness(surface: Surface, *_: object) -> torch.Tensor:
+    def brightness(surface: ShadedSurface, *_: object) -> torch.Tensor:
         return torch.ones_like(surface.albedo)
 
     monkeypatch.setattr("moveit6d.synthesis.sequences.layers.shade", brightness)

@@ -12,7 +12,7 @@ from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.rendering.backends import make_renderer
-from moveit6d.synthesis.imaging.shading import Surface
+from moveit6d.synthesis.imaging.shading import ShadedSurface
 from moveit6d.synthesis.objects.demo_object import demo_object
 from moveit6d.synthesis.sequences.difficulty import Difficulty
 from moveit6d.synthesis.sequences.sequence import Scene, SyntheticFrame
@@ -53,7 +53,7 @@ def test_they_keep_their_places(robot: Mesh, others: list[Mesh]) -> None:
 def test_poses_are_where_they_are_seen(
     robot: Mesh, others: list[Mesh], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def brightness(surface: Surface, *_: object) -> torch.Tensor:
+    def brightness(surface: ShadedSurface, *_: object) -> torch.Tensor:
         return torch.ones_like(surface.albedo)
 
     monkeypatch.setattr("moveit6d.synthesis.sequences.layers.shade", brightness)

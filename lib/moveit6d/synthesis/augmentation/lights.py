@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from ...geometry.crop import PADDING
-from ..imaging.shading import Illumination, Material, Surface, shade
+from ..imaging.shading import Illumination, Material, ShadedSurface, shade
 
 Range = tuple[float, float]
 
@@ -64,7 +64,7 @@ def random_lighting(
     `albedo`, `normal` (B, 3, H, W) and `mask` (B, 1, H, W) of a look-at G-buffer, `depth`
     (B, 1, H, W) relative to the centre and `distance` (B,), both in diameters.
     """
-    surface = Surface.of(
+    surface = ShadedSurface.of(
         albedo,
         normal,
         depth + distance[:, None, None, None],

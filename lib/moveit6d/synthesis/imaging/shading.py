@@ -16,7 +16,7 @@ METALLIC_LOSS = 0.3  # of the diffuse reflection, for a fully metallic surface
 
 
 @dataclass(frozen=True)
-class Surface:
+class ShadedSurface:
     """The object's pixels (N,) in B views, one after another; points are relative to its centre.
 
     Made of linear or of display colours; the shaded ones are then of the same kind.
@@ -35,7 +35,7 @@ class Surface:
     def of(
         albedo: Tensor, normal: Tensor, depth: Tensor, mask: Tensor, intrinsics: Tensor,
         centre: Tensor,
-    ) -> Surface:  # fmt: skip
+    ) -> ShadedSurface:  # fmt: skip
         """The pixels in the `mask` (B, 1, H, W) of a G-buffer.
 
         `albedo` and `normal` are (B, 3, H, W), `depth` (B, 1, H, W) along the camera's axis,
@@ -53,7 +53,7 @@ class Surface:
             -1,
         )
         point = ray * depth[view, 0, row, column][:, None] - centre[view]
-        return Surface(
+        return ShadedSurface(
             view, row, column, albedo[view, :, row, column], normal[view, :, row, column], ray,
             point, (len(mask), *mask.shape[2:]),
         )  # fmt: skip
@@ -102,7 +102,10 @@ class Material:
 
 
 def shade(
-    surface: Surface, light: Illumination, material: Material, visibility: Tensor | None = None
+    surface: ShadedSurface,
+    light: Illumination,
+    material: Material,
+    visibility: Tensor | None = None,
 ) -> Tensor:
     """Colours (N, 3) of the surface's pixels; values may exceed 1.
 

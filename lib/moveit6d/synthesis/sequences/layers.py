@@ -17,7 +17,7 @@ from ...geometry.pose import Pose
 from ...rendering.renderer import Renderer
 from ...typing import Float32
 from ..imaging.linear_light import to_linear
-from ..imaging.shading import Illumination, Material, Surface, shade
+from ..imaging.shading import Illumination, Material, ShadedSurface, shade
 from .shadow_map import light_visibility
 
 HEMISPHERE = 0.5  # how much darker the ambient light is from below
@@ -88,7 +88,7 @@ def render_layers(
     intrinsics = camera.matrix.expand(count, 3, 3).clone()
     intrinsics[:, :2, 2] -= shift
     gbuffer = renderer.render([mesh] * count, poses, intrinsics, size)
-    surface = Surface.of(
+    surface = ShadedSurface.of(
         gbuffer.albedo, gbuffer.normal, gbuffer.depth, gbuffer.mask, intrinsics.float(),
         poses.translation.float(),
     )  # fmt: skip

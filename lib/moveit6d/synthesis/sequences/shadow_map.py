@@ -11,7 +11,7 @@ from torch import Tensor
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...rendering.renderer import Renderer
-from ..imaging.shading import Surface
+from ..imaging.shading import ShadedSurface
 
 SIZE = 160  # pixels of the depth image seen from the light
 FAR = 6.0  # of the object's diameter: distance of that view
@@ -20,7 +20,7 @@ SAMPLES = ((-0.7, -0.3), (0.3, -0.7), (0.7, 0.3), (-0.3, 0.7))  # pixels: edges 
 
 
 def light_visibility(
-    renderer: Renderer, mesh: Mesh, pose: Pose, towards: Tensor, surface: Surface
+    renderer: Renderer, mesh: Mesh, pose: Pose, towards: Tensor, surface: ShadedSurface
 ) -> Tensor:
     """How much of the light from the direction `towards` (3,) reaches each pixel (N,): 0 to 1.
 
