@@ -30,6 +30,16 @@ def test_the_colour_says_how_confident_it_is(scene: Any, confidence: float, colo
     assert not np.array_equal(image[90:], expected[90:])
 
 
+def test_a_state_says_more_than_the_confidence(scene: Any) -> None:
+    frame = VideoFrame(3, "3.png", scene.image(3), None)
+    for state, color in (("tracking", GREEN), ("uncertain", RED)):
+        row = PoseRow(3, "3.png", scene.pose(3), 2, "stop_action", 0.4, state=state)
+        step = TrackedFrame(frame, row, None)
+        image = draw_step(step, scene.mesh, scene.camera, make_renderer())
+        expected = draw_pose(scene.image(3), scene.mesh, scene.pose(3), scene.camera, color=color)
+        assert np.array_equal(np.asarray(image)[:90], expected[:90])
+
+
 def test_without_a_pose_only_text_is_drawn(scene: Any) -> None:
     image = drawn(scene, 0.0, pose=False)
     changed = (image != scene.image(3)).any(-1)

@@ -1,5 +1,6 @@
 """Poses: group laws as properties, and refusal of numbers that are no pose."""
 
+import json
 from pathlib import Path
 from typing import Any, Literal
 
@@ -136,6 +137,19 @@ def test_a_pose_reads_well() -> None:
     text = "Pose(translation=[0.1000, -0.0200, 0.6000] m, rotation=[0.00, 0.00, 90.00] deg)"
     assert repr(pose) == text
     assert repr(Pose.identity(2, 3)) == "Pose(batch of (2, 3), torch.float64)"
+
+
+def test_what_a_pose_file_says_besides_is_not_dropped_in_silence(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    content = {"rotation": np.eye(3).tolist(), "translation": [0, 0, 1], "unit": "mm"}
+    (tmp_path / "pose.json").write_text(json.dumps(content))
+    with pytest.raises(InputError, match="its unit is 'mm', but a pose's translation is in metres"):
+        Pose.load(tmp_path / "pose.json")
+    content.update(unit="m", frame="camera_optical")
+    (tmp_path / "pose.json").write_text(json.dumps(content))
+    Pose.load(tmp_path / "pose.json")
+    assert "frame not used" in caplog.text
 
 
 def test_a_saved_pose_comes_back_exactly(tmp_path: Path) -> None:

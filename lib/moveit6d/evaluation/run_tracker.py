@@ -43,13 +43,17 @@ class TrackedFrame:
 
     @property
     def confident(self) -> bool:
-        """Whether there is a pose whose confidence is not low."""
+        """Whether there is a pose that is believed (`is_confident`)."""
         return is_confident(self.row)
 
 
 def is_confident(row: PoseRow) -> bool:
-    """Whether a row has a pose whose confidence is not low."""
-    return row.pose is not None and (row.confidence or 0.0) >= LOW_CONFIDENCE
+    """Whether a row has a pose that is believed: by its state, of others' tracks by confidence."""
+    if row.pose is None:
+        return False
+    if row.state:
+        return row.state == TrackingState.TRACKING
+    return (row.confidence or 0.0) >= LOW_CONFIDENCE
 
 
 def calibrating(tracker: AnyTracker, frames: Iterable[VideoFrame]) -> Iterator[VideoFrame]:

@@ -5,6 +5,7 @@ Never knows pixels, meshes or networks.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ from ..errors import InputError
 from ..io import read_json, write_json
 from .rotation import exp_so3, from_quaternion, log_so3, nearest_rotation, to_quaternion
 
+LOG = logging.getLogger("moveit6d")
 # A published rotation may be off by this much (largest entry of R Rᵀ − I) and is then projected.
 ORTHONORMAL_TOLERANCE = 0.05
 # Metres: no object that fills a crop stands farther away; such a translation is in millimetres.
@@ -134,6 +136,18 @@ class Pose:
                 f"{path}: {' and '.join(missing)} missing; a pose needs rotation (3×3) and "
                 "translation (3 numbers, metres)."
             )
+        unit = content.get("unit", content.get("units", "m"))
+        if unit not in ("m", "metre", "metres", "meter", "meters"):
+            raise InputError(
+                f"{path}: its unit is {unit!r}, but a pose's translation is in metres; convert it "
+                "and leave the unit out."
+            )
+        unknown = sorted(content.keys() - {"rotation", "translation", "unit", "units"})
+        if unknown:
+            LOG.warning(
+                "%s: %s not used; a pose is rotation and translation, metres, object to camera.",
+                path, ", ".join(unknown),
+            )  # fmt: skip
         pose = Pose.checked(content["rotation"], content["translation"], where=str(path))
         if pose.batch_shape:
             raise InputError(f"{path}: one pose expected, found {pose.batch_shape[0]}.")

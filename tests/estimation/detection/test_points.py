@@ -62,6 +62,18 @@ def test_a_file_is_read_in_its_unit(tmp_path: Path) -> None:
     assert points.tolist() == [[10, 20, 0.1, 0, 0.05], [11.5, 2, 0, 0, -0.007]]
 
 
+def test_a_heading_says_the_order_of_the_columns(tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("X, y, z, U, v\n0.1,0,0.05,10,20\n0,0,-0.007,11.5,2\n")
+    assert read_points(path, "m").tolist() == [[10, 20, 0.1, 0, 0.05], [11.5, 2, 0, 0, -0.007]]
+    path.write_text("a,b,x,y,z\n10,20,0.1,0,0\n")
+    with pytest.raises(InputError, match=r"heading is 'a,b,x,y,z'; the columns are u,v,x,y,z"):
+        read_points(path, "m")
+    path.write_text("0.1,0,0.05,10,20\n0,0,-0.007,11.5,2\n")  # pixels last, and nothing says so
+    with pytest.raises(InputError, match=r"within 2\.0 pixels of each other"):
+        read_points(path, "m")
+
+
 def test_what_cannot_be_right_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "points.csv"
     path.write_text("10,20,1,2\n")

@@ -23,18 +23,24 @@ from ...io import read_text
 
 FEWEST = 4  # points: three leave several poses
 FARTHEST = 0.1  # of the picture's longer side: points this far off are mixed up
+SPREAD = 2.0  # pixels: points nearer together say nothing of a pose
 COLUMNS = ("u", "v", "x", "y", "z")
 
 
 def read_points(path: Path, unit: str) -> NDArray[np.float64]:
     """Rows u, v, x, y, z of a CSV file: pixels, and the mesh file's coordinates → metres (N, 5).
 
-    A heading is optional. `InputError` where a row is not five numbers.
+    A heading is optional; with one the columns may stand in any order. `InputError` where a row is
+    not five numbers, and where the pixels are all the same: then columns are mixed up.
     """
     rows = []
+    order = list(range(5))
     try:
         for number, cells in enumerate(csv.reader(read_text(path).splitlines()), 1):
-            if not any(cells) or (number == 1 and not _is_number(cells[0])):
+            if not any(cells):
+                continue
+            if number == 1 and not _is_number(cells[0]):
+                order = _order(path, cells)
                 continue
             if len(cells) != 5 or not all(
                 _is_number(cell) and math.isfinite(float(cell)) for cell in cells
@@ -43,12 +49,28 @@ def read_points(path: Path, unit: str) -> NDArray[np.float64]:
                     f"{path}, line {number}: five numbers {','.join(COLUMNS)} are needed, "
                     f"found {','.join(cells)[:120]!r}."
                 )
-            rows.append([float(cell) for cell in cells])
+            rows.append([float(cells[place]) for place in order])
     except csv.Error as error:
         raise InputError(f"{path} cannot be read as a CSV file of points: {error}.") from error
     points = np.array(rows, np.float64).reshape(-1, 5)
+    if len(points) and float(np.ptp(points[:, :2], 0).max()) < SPREAD:
+        raise InputError(
+            f"{path}: its pixels lie within {SPREAD} pixels of each other; a row is "
+            f"{','.join(COLUMNS)}, pixels first."
+        )
     points[:, 2:] *= METRES[unit]
     return points
+
+
+def _order(path: Path, heading: Sequence[str]) -> list[int]:
+    """Where each of `COLUMNS` stands in a heading."""
+    names = [name.strip().lower() for name in heading]
+    if sorted(names) != sorted(COLUMNS):
+        raise InputError(
+            f"{path}: its heading is {','.join(heading)[:120]!r}; the columns are "
+            f"{','.join(COLUMNS)}."
+        )
+    return [names.index(name) for name in COLUMNS]
 
 
 def poses_from_points(points: Any, camera: Camera) -> list[Pose]:

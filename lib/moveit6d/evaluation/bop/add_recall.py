@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from math import isnan
 
 import numpy as np
 import torch
@@ -106,7 +107,7 @@ def results_table(scores: Sequence[tuple[str, ResultScore]]) -> str:
             percent(score.below(0.1)),
             percent(score.below(0.05)),
         ]
-        cells += [f"{100 * score.median:.1f}", f"{score.auroc:.3f}"]
+        cells += [f"{100 * score.median:.1f}", "-" if isnan(score.auroc) else f"{score.auroc:.3f}"]
         rows.append(cells + [percent(score.below(0.1, number)) for number in objects])
     return markdown(head, rows)
 

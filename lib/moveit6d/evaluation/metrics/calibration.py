@@ -5,6 +5,7 @@ Never reads files and never draws.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -37,9 +38,10 @@ class Reliability:
 
     def line(self) -> str:
         """One sentence of figures."""
+        area = "- (all right, or all wrong)" if math.isnan(self.auroc) else f"{self.auroc:.3f}"
         return (
-            f"confidence of {int(self.counts.sum())} poses: AUROC {self.auroc:.3f} for ADD(-S) "
-            f"< 10 % d, expected calibration error {self.calibration_error:.3f}"
+            f"confidence of {int(self.counts.sum())} poses: AUROC {area} for ADD(-S) < 10 % d, "
+            f"expected calibration error {self.calibration_error:.3f}"
         )
 
 
