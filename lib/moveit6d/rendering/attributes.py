@@ -20,9 +20,9 @@ from .texture import MipMap
 class Attributes:
     """A mesh's normals and colours, laid out for interpolation on many faces at once.
 
-    `table` (3C + 3, F) holds C values (normal, then colour or texture coordinates) at a face's
-    first corner, the differences of the other two corners from it, and the face's own normal. The
-    face comes last so that whole rows are handled at once, which is what makes numpy fast here.
+    `table` (F, 3C + 3) holds C values (normal, then colour or texture coordinates) at a face's
+    first corner, the differences of the other two corners from it, and the face's own normal. A
+    face's numbers lie together: with hundreds of thousands of faces each is a miss of the cache.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -32,7 +32,7 @@ class Attributes:
         values[:, 1:] -= values[:, :1]  # (F, 3, C)
         a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
         table = np.concatenate([values.reshape(len(values), -1), np.cross(b - a, c - a)], axis=1)
-        self._table = np.ascontiguousarray(table.T)
+        self._table = np.ascontiguousarray(table)
         self.texture = None if mesh.texture is None else MipMap(mesh)
         self._radius = 0.5 * mesh.sphere_diameter
 
@@ -52,7 +52,8 @@ class Attributes:
         The point on face (N,) is corner 0 + u·(corner 1 − corner 0) + v·(corner 2 − corner 0); it
         is seen along rays (3, N) of the camera's frame, to which rotation (3, 3) takes the object.
         """
-        row = self._table.take(face, axis=1)  # (3C + 3, N)
+        # (3C + 3, N): whole rows are handled at once, which is what makes numpy fast here.
+        row = np.ascontiguousarray(self._table.take(face, axis=0).T)
         count = len(row) // 3 - 1
         values = row[:count] + u * row[count : 2 * count]
         values += v * row[2 * count : 3 * count]  # (C, N)
