@@ -222,6 +222,8 @@ def test_no_point_is_lost(tmp_path: Path, head: str) -> None:
     (tmp_path / "points.csv").write_text(f"{head}{POINTS}\n\n", encoding="utf-8")
     points = read_points(tmp_path / "points.csv", "cm")
     assert points.shape == (5, 5)
+    (tmp_path / "excel.csv").write_text(POINTS.replace(",", ";"))
+    assert np.array_equal(read_points(tmp_path / "excel.csv", "cm"), points)
     assert float(poses_from_points(points, Camera.from_fov(60, 640, 480))[0].translation[2]) > 0.5
 
 
@@ -229,7 +231,7 @@ def test_no_point_is_lost(tmp_path: Path, head: str) -> None:
     ("text", "words"),
     [
         (POINTS.replace("18.9", "nan"), "line 1: five numbers"),
-        (POINTS.replace(",", ";"), "no rows|five numbers|at least 4"),
+        (POINTS.replace(",", " "), "its heading is"),
         ("\n".join(POINTS.split("\n")[:3]), "at least 4 rows"),
         ("1,1,1,0,0\n2,2,2,0,0\n3,3,3,0,0\n4,4,4,0,0", "not all of them lie on one line"),
         (POINTS.replace("298.4,102.5", "98.4,402.5"), "check their order"),

@@ -36,7 +36,9 @@ def read_points(path: Path, unit: str) -> NDArray[np.float64]:
     rows = []
     order = list(range(5))
     try:
-        for number, cells in enumerate(csv.reader(read_text(path).splitlines()), 1):
+        text = read_text(path)
+        delimiter = next((mark for mark in ";\t" if mark in text and "," not in text), ",")
+        for number, cells in enumerate(csv.reader(text.splitlines(), delimiter=delimiter), 1):
             if not any(cells):
                 continue
             if number == 1 and not _is_number(cells[0]):
