@@ -14,9 +14,9 @@ from torch.nn import functional
 
 from moveit6d.errors import InputError
 from moveit6d.networks.action_net import ActionNet
-from moveit6d.networks.compact import CompactCorrelationNet, encoder_pictures
+from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.kinds import MatchingNet, PoseNet
-from moveit6d.networks.matching import centred
+from moveit6d.networks.matching import centred, encoder_pictures
 from moveit6d.networks.weights_file import load_network
 from moveit6d.observation import Observation
 from moveit6d.policies import SHIPPED_WEIGHTS

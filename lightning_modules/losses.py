@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from moveit6d.actions import expert_action
-from moveit6d.networks.correlation import GREY, CorrelationOutput
+from moveit6d.networks.correlation import CorrelationOutput
 from moveit6d.networks.dense_prediction import DensePrediction
 from moveit6d.networks.least_squares import (
     cell_pixels,
@@ -24,6 +24,7 @@ from moveit6d.networks.least_squares import (
 )
 from moveit6d.networks.matching import centred
 from moveit6d.networks.policy_output import PolicyOutput
+from moveit6d.observation import GREY
 from moveit6d.synthesis.training.pairs import TrainingBatch
 from moveit6d.synthesis.training.views import ViewBatch
 

@@ -53,6 +53,15 @@ def replacing(path: Path) -> Iterator[Path]:
         raise InputError(f"{path} cannot be written: {error.strerror or error}.") from error
 
 
+def write_all(file: io.RawIOBase, data: bytes) -> None:
+    """Write to a file without a buffer, which a killed process would take along.
+
+    A disk that is nearly full takes a part of it without an error: the rest is tried again.
+    """
+    while data:
+        data = data[file.write(data) or 0 :]
+
+
 def check_writable(path: Path) -> None:
     """`InputError`, before any long work, where a file at `path` could not be written."""
     probe = path.with_name(f".{path.name[:100]}.{os.getpid()}.probe")

@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ..io import read_text, replacing
+from ..io import read_text, replacing, write_all
 from .messages import note
 
 if TYPE_CHECKING:
@@ -42,24 +42,17 @@ class Journal:
         with replacing(self.path) as temporary:
             self._file = temporary.open("wb", buffering=0)
             for content in (self.facts, *self.entries):
-                self._append(content)
+                write_all(self._file, _line(content))
         return self
 
     def add(self, content: Any) -> None:
         """Note one thing that was done."""
         assert self._file is not None
         try:
-            self._append(content)
+            write_all(self._file, _line(content))
         except OSError as error:
             reason = error.strerror or error
             raise InputError(f"{self.path} cannot be written: {reason}.") from error
-
-    def _append(self, content: Any) -> None:
-        """One line, whole; a disk that is nearly full takes a part of it without an error."""
-        assert self._file is not None
-        line = json.dumps(content).encode() + b"\n"
-        while line:
-            line = line[self._file.write(line) or 0 :]
 
     def finish(self) -> None:
         """The result is written whole: nothing is left to go on with."""
@@ -91,6 +84,10 @@ class Journal:
                 "was begun with, or delete it."
             )
         return entries
+
+
+def _line(content: Any) -> bytes:
+    return json.dumps(content).encode() + b"\n"
 
 
 def pose_line(pose: Pose) -> dict[str, Any]:

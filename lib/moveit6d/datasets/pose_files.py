@@ -21,7 +21,7 @@ from ..checks import number, whole
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.pose import Pose, in_metres
-from ..io import check_writable, read_text, replacing, write_json
+from ..io import check_writable, read_text, replacing, write_all, write_json
 
 ROTATION_COLUMNS = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
 POSE_COLUMNS = (*ROTATION_COLUMNS, "tx", "ty", "tz")
@@ -119,9 +119,9 @@ class PoseWriter:
                 line = _line(self.columns) + line
                 with replacing(self.path) as temporary:
                     self._file = temporary.open("wb", buffering=0)
-                    self._append(line)
+                    write_all(self._file, line)
             else:
-                self._append(line)
+                write_all(self._file, line)
         except OSError as error:
             self._cut()
             raise InputError(
@@ -139,12 +139,6 @@ class PoseWriter:
         if self._file is not None:
             with suppress(OSError):
                 self._file.close()
-
-    def _append(self, line: bytes) -> None:
-        """Write at once, without a buffer that a killed process would take along."""
-        assert self._file is not None
-        while line:
-            line = line[self._file.write(line) or 0 :]
 
     def _cut(self) -> None:
         """Take back what a full disk let through of a row."""

@@ -14,20 +14,20 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ..geometry.crop import PATCH_SIZE, Crop
+from ..geometry.crop import Crop
 from ..observation import GREY, Observation
 from .blocks import Residual, attention_pool, conv_block
 from .correlation import DAMPING, HEAD_SCALE, CorrelationOutput, dense_prediction
 from .dense_prediction import DensePrediction
-from .least_squares import cell_pixels, jacobian, solve_delta, surface_points
+from .least_squares import jacobian, solve_delta, surface_points
 from .matching import (
-    BLOCK,
     centred,
     correlate,
     correlate_blocks,
+    encoder_pictures,
+    index_tables,
     side_by_side,
     warp_cells,
-    window_index,
 )
 from .policy_output import PolicyOutput
 
@@ -97,21 +97,8 @@ class CompactCorrelationNet(nn.Module):
         self.temperature = nn.Parameter(torch.tensor(2.5))  # logarithm
         self.damping = nn.Parameter(torch.tensor(DAMPING).log())
         self.view_temperature = nn.Parameter(torch.tensor(2.3))  # logarithm; of training alone
-        self._add_constants()
-
-    def _add_constants(self) -> None:
-        """Index tables; not part of the weights file."""
-        r, q = self.config.radius, self.config.fine_radius
-        line = torch.arange(-r, r + 1, dtype=torch.float32)
-        dy, dx = torch.meshgrid(line, line, indexing="ij")
-        constants = {
-            "offsets": torch.stack([dx, dy], -1).reshape(-1, 2),
-            "coarse_index": window_index(PATCH_SIZE // 8, r),
-            "fine_index": window_index(BLOCK, q),
-            "fine_pixels": cell_pixels(4),
-        }
-        for name, value in constants.items():
-            self.register_buffer(name, value, persistent=False)
+        for name, table in index_tables(config.radius, config.fine_radius).items():
+            self.register_buffer(name, table, persistent=False)  # not part of the weights file
 
     def descriptors(self, images: Tensor) -> Tensor:
         """What each cell of 8 × 8 pixels looks like: images (B, 3, H, W) in [0, 1] → (B, D, h, w).
@@ -263,16 +250,6 @@ class CompactCorrelationNet(nn.Module):
         fine = self.fine_decode(side_by_side(volume, start / 16, context))
         middle = correlation[:, correlation.shape[1] // 2]
         return dense_prediction(self.fine_answer(fine), start, 4.0), fine, middle
-
-
-def encoder_pictures(observation: Observation) -> Tensor:
-    """What the encoder sees of a batch: the images, then the renderings, (2 B, 3, H, W).
-
-    Grey, not black, around the object: a dark one would have no outline.
-    """
-    rendering = (observation.rendering - GREY) * observation.mask
-    pictures = torch.cat([observation.image - GREY, rendering])
-    return pictures.contiguous(memory_format=torch.channels_last)
 
 
 def _mean(values: Tensor, where: Tensor) -> Tensor:

@@ -14,20 +14,19 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ..geometry.crop import PATCH_SIZE, Crop
-from ..observation import GREY as GREY  # other modules know it from here
-from ..observation import Observation
+from ..geometry.crop import Crop
+from ..observation import GREY, Observation
 from .blocks import Residual, attention_pool, conv_block, with_extra_blocks
 from .dense_prediction import DensePrediction
-from .least_squares import cell_pixels, jacobian, solve_delta, surface_points
+from .least_squares import jacobian, solve_delta, surface_points
 from .matching import (
-    BLOCK,
     centred,
     correlate,
     correlate_blocks,
+    encoder_pictures,
+    index_tables,
     side_by_side,
     warp_cells,
-    window_index,
 )
 from .policy_output import PolicyOutput
 
@@ -115,21 +114,8 @@ class CorrelationNet(nn.Module):
         )
         self.temperature = nn.Parameter(torch.tensor(2.5))  # logarithm
         self.damping = nn.Parameter(torch.tensor(DAMPING).log())
-        self._add_constants()
-
-    def _add_constants(self) -> None:
-        """Index tables; not part of the weights file."""
-        r, q = self.config.radius, self.config.fine_radius
-        line = torch.arange(-r, r + 1, dtype=torch.float32)
-        dy, dx = torch.meshgrid(line, line, indexing="ij")
-        constants = {
-            "offsets": torch.stack([dx, dy], -1).reshape(-1, 2),
-            "coarse_index": window_index(PATCH_SIZE // 8, r),
-            "fine_index": window_index(BLOCK, q),
-            "fine_pixels": cell_pixels(4),
-        }
-        for name, value in constants.items():
-            self.register_buffer(name, value, persistent=False)
+        for name, table in index_tables(config.radius, config.fine_radius).items():
+            self.register_buffer(name, table, persistent=False)  # not part of the weights file
 
     def forward(self, observation: Observation, matching_only: bool = False) -> CorrelationOutput:
         """Answer a batch.
@@ -139,10 +125,9 @@ class CorrelationNet(nn.Module):
         """
         batch = len(observation)
         depth = observation.depth if self.config.use_depth else torch.zeros_like(observation.depth)
-        # Grey, not black, around the object: a dark one would have no outline.
-        rendering = (observation.rendering - GREY) * observation.mask
-        pictures = torch.cat([observation.image - GREY, rendering])
-        shared4 = self.encode4(pictures.contiguous(memory_format=torch.channels_last))
+        pictures = encoder_pictures(observation)
+        rendering = pictures[batch:]
+        shared4 = self.encode4(pictures)
         shared8 = centred(self.encode8(shared4))
         geometry = torch.cat([rendering, depth, observation.mask], 1)
         geometry4 = self.geometry4(geometry.contiguous(memory_format=torch.channels_last))

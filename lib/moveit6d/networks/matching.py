@@ -1,7 +1,7 @@
 """Local correlation: each cell of the rendering against the cells of the image around it.
 
-Never learns anything: index tables and matrix products. Answers are channels_last in memory, as the
-convolutions after them want them.
+Never learns anything: pictures, index tables and matrix products. Answers are channels_last in
+memory, as the convolutions after them want them.
 """
 
 from __future__ import annotations
@@ -10,7 +10,21 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from ..geometry.crop import PATCH_SIZE
+from ..observation import GREY, Observation
+from .least_squares import cell_pixels
+
 BLOCK = 8  # cells a side of the blocks in which the correlation of a large grid is computed
+
+
+def encoder_pictures(observation: Observation) -> Tensor:
+    """What an encoder sees of a batch: the images, then the renderings, (2 B, 3, H, W).
+
+    Grey, not black, around the object: a dark one would have no outline.
+    """
+    rendering = (observation.rendering - GREY) * observation.mask
+    pictures = torch.cat([observation.image - GREY, rendering])
+    return pictures.contiguous(memory_format=torch.channels_last)
 
 
 def centred(features: Tensor) -> Tensor:
@@ -26,6 +40,18 @@ def window_index(cells: int, radius: int) -> Tensor:
     row = y.reshape(-1, 1) + dy.reshape(1, -1) + radius
     column = x.reshape(-1, 1) + dx.reshape(1, -1) + radius
     return row * (cells + 2 * radius) + column
+
+
+def index_tables(radius: int, fine_radius: int) -> dict[str, Tensor]:
+    """What a network looks up in the correlation at strides 8 and 4, by the names it has there."""
+    line = torch.arange(-radius, radius + 1, dtype=torch.float32)
+    dy, dx = torch.meshgrid(line, line, indexing="ij")
+    return {
+        "offsets": torch.stack([dx, dy], -1).reshape(-1, 2),
+        "coarse_index": window_index(PATCH_SIZE // 8, radius),
+        "fine_index": window_index(BLOCK, fine_radius),
+        "fine_pixels": cell_pixels(4),
+    }
 
 
 def correlate(render: Tensor, image: Tensor, index: Tensor, radius: int) -> Tensor:
