@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +121,7 @@ class Camera:
         focal = 0.5 * max(width, height) / math.tan(math.radians(degrees) / 2)
         return Camera(focal, focal, (width - 1) / 2, (height - 1) / 2, width, height)
 
-    @property
+    @cached_property
     def lens(self) -> Lens | None:
         """The distortion; None if there is none."""
         if self.distortion is None:
