@@ -10,6 +10,7 @@ import logging
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -148,6 +149,11 @@ class Mesh:
     def outer(self, pose: Pose) -> Pose:
         """The file frame's pose, given the centred frame's (any batch shape)."""
         return Pose(pose.rotation, pose.translation - self._moved_center(pose))
+
+    @cached_property
+    def motions(self) -> NDArray[np.float64]:
+        """Motions (S, 4, 4) of the centred frame that leave its looks unchanged, identity first."""
+        return self.symmetries.centred(self.center)
 
     @property
     def has_colours(self) -> bool:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..geometry.mesh import Mesh
-from .attributes import Attributes
 from .texture import MipMap
 
 LEVELS = 12  # halvings of a texture at most
@@ -49,7 +48,7 @@ def pack_mesh(mesh: Mesh) -> PackedMesh:
     values[..., 3 : 3 + colour.shape[1]] = colour[faces]
     texels, levels = np.zeros((0, 3), np.uint8), np.zeros((0, 3), np.int32)
     repeats, density = False, 0.0
-    texture: MipMap | None = Attributes.of(mesh).texture
+    texture = None if mesh.texture is None else MipMap(mesh)
     if texture is not None:
         pictures = texture.levels[:LEVELS]
         sizes = [picture.shape[0] * picture.shape[1] for picture in pictures]
@@ -68,7 +67,7 @@ def pack_mesh(mesh: Mesh) -> PackedMesh:
         repeats,
         density,
         mesh.sphere_diameter,
-        mesh.symmetries.centred(mesh.center),
+        mesh.motions,
     )
 
 

@@ -58,10 +58,7 @@ class MeshObjects:
 
     def symmetries(self, number: int) -> NDArray[np.float64]:
         """See `ObjectSet`."""
-        mesh = self.meshes[number]
-        if mesh.symmetries.is_trivial:
-            return np.eye(4)[None]
-        return mesh.symmetries.centred(mesh.center)
+        return self.meshes[number].motions
 
     def render(self, index: Tensor, poses: Pose, intrinsics: Tensor) -> GBuffer:
         """See `ObjectSet`."""
