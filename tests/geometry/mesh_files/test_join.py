@@ -86,3 +86,19 @@ def test_repeating_textures_of_several_materials_are_laid_out_in_the_atlas(tmp_p
     colors = sampled(mesh)
     np.testing.assert_array_equal(np.unique(colors[left].reshape(-1, 3), axis=0), [[0, 200, 0]])
     assert len(np.unique(colors[~left].reshape(-1, 3), axis=0)) > 3
+
+
+def test_too_many_faces_for_a_texture_take_the_texel_at_each_vertex(monkeypatch):
+    monkeypatch.setattr("moveit6d.geometry.mesh_files.charts.MAX_SIDE", 4)
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    top, bottom = (200, 0, 0), (0, 0, 200)
+    picture = np.array([[top, top], [bottom, bottom]], np.uint8)
+    uv = np.array([[0, 0], [1, 0], [0, 1], [1, 1]], np.float32)
+    varied = np.array([[10, 20, 30], [40, 50, 60], [70, 80, 90], [1, 2, 3]], np.uint8)
+    joined = join(
+        [MeshPart(corners, faces, uv, picture), MeshPart(corners + 2, faces, colors=varied)]
+    )
+    assert joined.texture is None
+    np.testing.assert_array_equal(joined.colors[:4], [bottom, bottom, top, top])
+    np.testing.assert_array_equal(joined.colors[4:], varied)

@@ -78,10 +78,10 @@ def _painted(
         light = np.einsum("sk,fkc->fsc", weights, to_linear(part.colors)[faces])
     assert part.texture is not None and part.uv is not None
     uv = np.einsum("sk,fkc->fsc", weights, part.uv[faces].astype(np.float64))
-    return to_srgb(light * to_linear(_sampled(part.texture, uv, part.wrap)))
+    return to_srgb(light * to_linear(sampled(part.texture, uv, part.wrap)))
 
 
-def _sampled(
+def sampled(
     texture: NDArray[np.uint8], uv: NDArray[np.float64], wrap: tuple[str, str]
 ) -> NDArray[np.uint8]:
     """Colours of the nearest texels at texture coordinates (..., 2), v up."""
@@ -118,5 +118,5 @@ def _per_vertex(part: MeshPart) -> NDArray[np.uint8]:
     if part.colors is not None:
         light = to_linear(part.colors)
     if part.texture is not None and part.uv is not None:
-        light = light * to_linear(_sampled(part.texture, part.uv.astype(np.float64), part.wrap))
+        light = light * to_linear(sampled(part.texture, part.uv.astype(np.float64), part.wrap))
     return to_srgb(light)

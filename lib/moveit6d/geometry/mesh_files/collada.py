@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from .beside import find_beside, read_bytes
 from .content import FileMaterial, MeshContent, MeshPart
-from .pictures import Picture, decode_picture
+from .pictures import Picture, as_bytes, decode_picture
 
 UP_AXES = {"X_UP": "x", "Y_UP": "y", "Z_UP": "z"}
 
@@ -42,7 +42,7 @@ def read_collada(content: MeshContent) -> None:
     content.unit = float(document.assetInfo.unitmeter or 1.0)
     axis = UP_AXES.get(str(document.assetInfo.upaxis), "y")
     content.notes.append(f"{axis} points up by the file; its axes are kept as they are")
-    looks = _Looks(content, document)
+    looks = _Looks(content)
     for bound in document.scene.objects("geometry"):
         _add(content, bound, looks)
     for controller in document.scene.objects("controller"):
@@ -68,8 +68,8 @@ def _add(content: MeshContent, bound: Any, looks: _Looks) -> None:
 class _Looks:
     """Materials and pictures of one file, each decoded once."""
 
-    def __init__(self, content: MeshContent, document: Any) -> None:
-        self.content, self.document = content, document
+    def __init__(self, content: MeshContent) -> None:
+        self.content = content
         self._pictures: dict[str, Picture | None] = {}
         self._described: set[str] = set()
 
@@ -151,7 +151,7 @@ class _Looks:
         offset, source = stored[0][0], stored[0][4]
         values = np.asarray(source.data, np.float64)
         chosen = values[np.asarray(index)[:, :, offset].reshape(-1)][:, :3]
-        return np.asarray(np.rint(np.nan_to_num(chosen).clip(0, 1) * 255), np.uint8)
+        return as_bytes(chosen, 255)
 
     def _describe(
         self, name: str, picture: Picture | None, color: NDArray[np.uint8] | None, shown: Any
@@ -176,4 +176,4 @@ def _bytes(color: Any) -> NDArray[np.uint8] | None:
     if color is None or _is_map(color):
         return None
     values = np.asarray(color, np.float64).reshape(-1)[:3]
-    return np.asarray(np.rint(np.nan_to_num(values).clip(0, 1) * 255), np.uint8)
+    return as_bytes(values, 255)

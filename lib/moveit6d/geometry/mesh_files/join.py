@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .charts import charted
+from .charts import charted, sampled
 from .content import MeshPart
 from .pictures import tinted, to_linear
 
@@ -188,7 +188,4 @@ def _vertex_colors(part: MeshPart) -> NDArray[np.uint8]:
     if part.colors is not None:
         return part.colors
     assert part.texture is not None and part.uv is not None
-    height, width = part.texture.shape[:2]
-    x = ((part.uv[:, 0] % 1) * width).astype(np.int64).clip(0, width - 1)
-    y = ((1 - part.uv[:, 1] % 1) * height).astype(np.int64).clip(0, height - 1)
-    return np.asarray(part.texture[y, x])
+    return sampled(part.texture, part.uv.astype(np.float64), part.wrap)

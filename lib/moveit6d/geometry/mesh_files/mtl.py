@@ -1,4 +1,4 @@
-"""FileMaterial libraries (MTL) of OBJ files, as exporters and people write them.
+"""Material libraries (MTL) of OBJ files, as exporters and people write them.
 
 Never opens pictures; `obj` does. Format: Wavefront, "Object Files", appendix B2.
 """

@@ -18,6 +18,7 @@ from .beside import decoded, find_beside, read_bytes
 from .content import MeshContent
 from .mtl import MtlMaterial, read_mtl
 from .obj_materials import add_parts
+from .pictures import as_bytes
 from .polygons import triangulated
 
 Index = NDArray[np.int64]
@@ -62,7 +63,7 @@ def read_obj(content: MeshContent) -> None:
     uv = _table(lines.texture, path, "vt")[:, :2]
     corners, corner_uv = _corners(lines, len(points), len(uv), path)
     counts = np.array(lines.counts, np.int64)
-    triangles, face = triangulated(corners, counts, points)
+    triangles, face = triangulated(corners, counts, points, path)
     geometry = ObjGeometry(
         points, colors, uv, corners[triangles], corner_uv[triangles],
         np.array(lines.material, np.int64)[face], lines.names,
@@ -150,7 +151,7 @@ def _colors(rows: NDArray[np.float64]) -> NDArray[np.uint8] | None:
     if not np.isfinite(colors).all():
         colors = np.nan_to_num(colors, nan=1.0 if np.nanmax(colors) <= 1 else 255.0)
     scale = 255.0 if colors.max() <= 1 else 1.0
-    return np.asarray(np.rint(colors * scale).clip(0, 255), np.uint8)
+    return as_bytes(colors, scale)
 
 
 def _corners(lines: ObjLines, points: int, coordinates: int, path: Path) -> tuple[Index, Index]:

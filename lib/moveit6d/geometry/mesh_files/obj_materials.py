@@ -15,7 +15,7 @@ from .beside import find_beside, read_bytes
 from .content import FileMaterial, MeshContent, MeshPart
 from .cutout import cut_out
 from .mtl import Map, MtlMaterial
-from .pictures import Picture, decode_picture
+from .pictures import Picture, as_bytes, decode_picture
 
 if TYPE_CHECKING:
     from .obj import ObjGeometry
@@ -181,7 +181,7 @@ def _textured(
     uv = geometry.uv[at] * entry.scale + entry.offset
     pixels = picture.pixels
     if (entry.base, entry.gain) != (0.0, 1.0):
-        pixels = (255 * entry.base + entry.gain * pixels).round().clip(0, 255).astype(np.uint8)
+        pixels = as_bytes(255 * entry.base + entry.gain * pixels)
     wrap = "clamp" if entry.clamp else "repeat"
     return MeshPart(
         geometry.points[points], corners.reshape(-1, 3), uv.astype(np.float32), pixels,
@@ -197,8 +197,7 @@ def _plain(
     if geometry.colors is not None:
         part.colors = geometry.colors[used]
     elif material is not None and material.color is not None:
-        color = np.rint(255 * np.asarray(material.color))
-        part.color = color.clip(0, 255).astype(np.uint8)
+        part.color = as_bytes(material.color, 255)
     return part
 
 
@@ -207,8 +206,7 @@ def _facts(material: MtlMaterial, picture: Picture | None) -> FileMaterial:
         return FileMaterial(material.name, material.picture.name, picture.size)
     if material.color is None:
         return FileMaterial(material.name)
-    color = np.rint(255 * np.asarray(material.color)).clip(0, 255).astype(int)
-    return FileMaterial(material.name, color=tuple(color.tolist()))
+    return FileMaterial(material.name, color=tuple(as_bytes(material.color, 255).tolist()))
 
 
 def _listed(names: dict[str, MtlMaterial]) -> str:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from .beside import decoded, read_bytes
 from .content import MeshContent, MeshPart
+from .pictures import as_bytes
 from .polygons import triangulated
 
 HEAD = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF\b", re.ASCII)
@@ -54,9 +55,7 @@ def _part(
     points = np.array([row[:3] for row in rows])
     counts = np.array([int(polygon[0]) for polygon in polygons])
     corners = np.array([int(v) for p in polygons for v in p[1 : 1 + int(p[0])]], np.int64)
-    if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
-        raise InputError(f"{content.path}: a face names a vertex that is not there ({len(rows)}).")
-    triangles, owner = triangulated(corners, counts, points)
+    triangles, owner = triangulated(corners, counts, points, content.path)
     faces = corners[triangles]
     first = 6 if normals else 3
     colors = _colors([row[first : first + 3] for row in rows])
@@ -77,4 +76,4 @@ def _colors(rows: list[list[float]]) -> NDArray[np.uint8] | None:
         return None
     values = np.array(rows)
     scale = 255.0 if values.max(initial=0) <= 1 else 1.0
-    return np.asarray(np.rint(np.nan_to_num(values) * scale).clip(0, 255), np.uint8)
+    return as_bytes(values, scale)

@@ -87,8 +87,7 @@ def _reduced(image: Any) -> Picture:
     if image.mode.startswith("I"):  # 16 bits: Pillow would clip instead of scale
         image = image.point(lambda value: value / 256)
     elif image.mode == "F":
-        grey = np.nan_to_num(np.asarray(image)).clip(0, 1) * 255
-        image = Image.fromarray(np.rint(grey).astype(np.uint8))
+        image = Image.fromarray(as_bytes(image, 255))
     has_alpha = image.mode in ("RGBA", "LA", "PA", "RGBa") or "transparency" in image.info
     image = image.convert("RGBA" if has_alpha else "RGB")
     scale = MAX_TEXTURE / max(image.size)
@@ -107,6 +106,12 @@ def _reduced(image: Any) -> Picture:
         None if alpha is None else np.ascontiguousarray(alpha),
         size,
     )
+
+
+def as_bytes(values: Any, scale: float = 1.0) -> NDArray[np.uint8]:
+    """Numbers times `scale` as bytes, rounded; what is outside of 0 to 255 is clipped, NaN is 0."""
+    finite = np.nan_to_num(np.asarray(values)).clip(0, 255 / scale)  # first: no product overflows
+    return np.asarray(np.rint(finite * scale), np.uint8)
 
 
 def to_linear(values: NDArray[Any]) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from .beside import find_beside, read_bytes
 from .content import FileMaterial, MeshContent, MeshPart
-from .pictures import Picture, decode_picture
+from .pictures import Picture, as_bytes, decode_picture
 from .polygons import triangulated
 
 TYPES = {
@@ -67,11 +67,7 @@ def read_ply(content: MeshContent) -> None:
     if lists is None or not len(lists[0]):
         raise InputError(f"{content.path}: holds no faces; a mesh of triangles is needed.")
     counts, corners = lists[0], lists[1].astype(np.int64)
-    if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
-        raise InputError(
-            f"{content.path}: a face names a vertex that is not there ({len(points)} are)."
-        )
-    triangles, polygon = triangulated(corners, counts, points)
+    triangles, polygon = triangulated(corners, counts, points, content.path)
     _add(content, header, points, vertex, face, corners, triangles, polygon)
 
 
@@ -164,7 +160,7 @@ def _colors(table: dict[str, Any]) -> NDArray[np.uint8] | None:
             scale = 255.0 if values.dtype.kind == "f" and largest <= 1 else 1.0
             if values.dtype.kind in "iu" and largest > 255:
                 scale = 1 / 257
-            return np.asarray(np.rint(np.nan_to_num(wide) * scale).clip(0, 255), np.uint8)
+            return as_bytes(wide, scale)
     return None
 
 

@@ -5,18 +5,27 @@ Never adds or moves a vertex.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
+
+from ...errors import InputError
 
 Index = NDArray[np.int64]
 
 
-def triangulated(corners: Index, counts: Index, points: NDArray[np.float64]) -> tuple[Index, Index]:
+def triangulated(
+    corners: Index, counts: Index, points: NDArray[np.float64], path: Path
+) -> tuple[Index, Index]:
     """Polygons as triangles of positions in `corners`: (T, 3), and the polygon of each (T,).
 
     Polygon k has `counts[k]` corners, which follow each other in `corners` (vertex numbers of
     `points`). Polygons of fewer than three corners give no triangle.
+    `InputError` naming the file if a corner is no vertex.
     """
+    if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
+        raise InputError(f"{path}: a face names a vertex that is not there ({len(points)} are).")
     starts = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64)
     fan_sizes = np.maximum(counts - 2, 0)
     polygon = np.repeat(np.arange(len(counts)), fan_sizes)
