@@ -1,4 +1,4 @@
-"""Names for the arrays that functions take and return.
+"""Names for what functions take and return: arrays, and ranges of numbers.
 
 Never checks anything at run time.
 """
@@ -16,6 +16,7 @@ Float32: TypeAlias = NDArray[np.float32]
 Float64: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 RGBImage: TypeAlias = NDArray[np.uint8]  # (H, W, 3)
+Range: TypeAlias = tuple[float, float]  # from, to
 
 # An image as users have it: RGB (H, W, 3), uint8 or floating point in [0, 1].
 ImageLike: TypeAlias = NDArray[np.uint8] | NDArray[np.floating[Any]] | Tensor

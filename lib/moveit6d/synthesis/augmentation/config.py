@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-Range = tuple[float, float]
+from ...typing import Range
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-Range = tuple[float, float]
+from ...typing import Range
 
 
 class RandomSource:

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ...errors import InputError
-
-Range = tuple[float, float]
+from ...typing import Range
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ DIFFICULTIES = {
 
 
 def find_difficulty(difficulty: str | Difficulty) -> Difficulty:
-    """The level of that name; a `Level` stays what it is.
+    """The difficulty of that name; a `Difficulty` stays what it is.
 
     Examples:
         >>> find_difficulty("easy").pixels_per_frame

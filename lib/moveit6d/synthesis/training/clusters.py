@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import InputError
-
-Range = tuple[float, float]
+from ...typing import Range
 
 
 @dataclass(frozen=True)
@@ -64,6 +63,14 @@ class ClusterConfig:
             self.near,
         )
 
+    def ranges(self) -> dict[str, tuple[Range, ...]]:
+        """The ranges of the six axes: of small and of large deltas, and of those near the truth."""
+        return {
+            "small": (self.small_xy,) * 2 + (self.small_rest,) * 4,
+            "large": (self.large_xy,) * 2 + (self.large_z,) + (self.large_rotation,) * 3,
+            "near": (self.near_xy,) * 2 + (self.near_z,) + (self.near_rotation,) * 3,
+        }
+
 
 CLUSTERS = ("one_small", "one_large", "one_large_rest_small", "all_small", "all_large", "near")
 
@@ -81,29 +88,29 @@ def draw_delta(
         >>> bool((abs(delta[:2]) >= 1).all() and (abs(delta) <= 5).all())
         True
     """
-    shares = np.asarray(config.shares())
+    shares, ranges = np.asarray(config.shares()), config.ranges()
     if cluster is None:
         cluster = CLUSTERS[int(random.choice(len(CLUSTERS), p=shares / shares.sum()))]
-    small = _draw(random, (config.small_xy,) * 2 + (config.small_rest,) * 4)
-    large = _draw(random, (config.large_xy,) * 2 + (config.large_z,) + (config.large_rotation,) * 3)
+    _check_known(cluster)
+    small: np.ndarray = _draw(random, 1, ranges["small"])[0]
+    large: np.ndarray = _draw(random, 1, ranges["large"])[0]
     if cluster == "all_small":
         return small
     if cluster == "all_large":
         return large
     if cluster == "near":
-        return _draw(random, (config.near_xy,) * 2 + (config.near_z,) + (config.near_rotation,) * 3)
+        near: np.ndarray = _draw(random, 1, ranges["near"])[0]
+        return near
     if cluster == "one_large_rest_small":
         axis = int(random.integers(6))
         small[axis] = large[axis]
         return small
-    if cluster in ("one_small", "one_large"):
-        delta = np.zeros(6)
-        action = int(random.integers(13))
-        if action < 12:
-            source = small if cluster == "one_small" else large
-            delta[action // 2] = abs(source[action // 2]) * (1 if action % 2 == 0 else -1)
-        return delta
-    raise InputError(f"Unknown cluster {cluster!r}; known are {', '.join(CLUSTERS)}.")
+    delta = np.zeros(6)
+    action = int(random.integers(13))
+    if action < 12:
+        source = small if cluster == "one_small" else large
+        delta[action // 2] = abs(source[action // 2]) * (1 if action % 2 == 0 else -1)
+    return delta
 
 
 def draw_deltas(
@@ -114,20 +121,14 @@ def draw_deltas(
     In the first two clusters each of the 13 actions, stop among them, is as likely.
     """
     shares = np.asarray(config.shares())
-    if cluster is not None and cluster not in CLUSTERS:
-        raise InputError(f"Unknown cluster {cluster!r}; known are {', '.join(CLUSTERS)}.")
+    if cluster is not None:
+        _check_known(cluster)
     chosen = (
         np.full(number, CLUSTERS.index(cluster))
         if cluster is not None
         else random.choice(len(CLUSTERS), size=number, p=shares / shares.sum())
     )
-    small = _draw_many(random, number, (config.small_xy,) * 2 + (config.small_rest,) * 4)
-    large = _draw_many(
-        random, number, (config.large_xy,) * 2 + (config.large_z,) + (config.large_rotation,) * 3
-    )
-    near = _draw_many(
-        random, number, (config.near_xy,) * 2 + (config.near_z,) + (config.near_rotation,) * 3
-    )
+    small, large, near = (_draw(random, number, ranges) for ranges in config.ranges().values())
     action = random.integers(13, size=number)
     sign = np.where(action % 2 == 0, 1.0, -1.0)[:, None]
     alone = np.arange(6) == action[:, None] // 2  # no axis at all for stop, the last action
@@ -143,12 +144,12 @@ def draw_deltas(
     return np.asarray(np.stack([found[name] for name in CLUSTERS])[chosen, np.arange(number)])
 
 
-def _draw(random: np.random.Generator, ranges: tuple[Range, ...]) -> np.ndarray:
-    low, high = np.array(ranges).T
-    return np.asarray(random.uniform(low, high) * random.choice([-1.0, 1.0], len(ranges)))
+def _check_known(cluster: str) -> None:
+    if cluster not in CLUSTERS:
+        raise InputError(f"Unknown cluster {cluster!r}; known are {', '.join(CLUSTERS)}.")
 
 
-def _draw_many(random: np.random.Generator, number: int, ranges: tuple[Range, ...]) -> np.ndarray:
+def _draw(random: np.random.Generator, number: int, ranges: tuple[Range, ...]) -> np.ndarray:
     low, high = np.array(ranges).T
     shape = (number, len(ranges))
     return np.asarray(random.uniform(low, high, shape) * random.choice([-1.0, 1.0], shape))
