@@ -22,7 +22,7 @@ from moveit6d.geometry.mesh import Mesh
 from moveit6d.observation import Observation
 from moveit6d.rendering.cuda_renderer import BankRenderer, Run
 from moveit6d.rendering.mesh_bank import MeshBank, PackedMesh, pack_mesh
-from moveit6d.synthesis.augmentation.hands import made_hand
+from moveit6d.synthesis.augmentation.hands import procedural_hand
 from moveit6d.synthesis.augmentation.photo_bank import PhotoBank
 from moveit6d.synthesis.augmentation.photos import load_photos
 from moveit6d.synthesis.objects.object_set import BankObjects, ObjectSet
@@ -163,5 +163,5 @@ def _shape(seed: int) -> PackedMesh:
 
 def _hand(seed: int) -> tuple[PackedMesh, np.ndarray, bool]:
     random = np.random.default_rng(seed)
-    made = made_hand(random, CARDS, _PHOTOS)
+    made = procedural_hand(random, CARDS, _PHOTOS)
     return pack_mesh(made.mesh), np.asarray(made.tip), made.along is not None

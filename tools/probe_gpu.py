@@ -127,7 +127,7 @@ def _picture(batch: TrainingBatch, path: Path) -> None:
         host,
         observation=seen,
         true_mask=host.true_mask[:12],
-        visible=host.visible[:12],
+        clear=host.clear[:12],
         views=None,
     )
     Image.fromarray(contact_sheet(few)).save(path)

@@ -38,7 +38,7 @@ def test_no_counts_mean_no_displacement(batch: TrainingBatch) -> None:
         delta=torch.zeros_like(batch.delta),
         true_depth=batch.observation.depth,
         true_mask=batch.observation.mask,
-        visible=batch.observation.mask,
+        clear=torch.ones_like(batch.clear),
     )
     truth = dense_truth(still, 8)
     assert (truth.displacement.abs() * truth.covered[..., None]).max() < 1e-3
@@ -46,7 +46,7 @@ def test_no_counts_mean_no_displacement(batch: TrainingBatch) -> None:
 
 
 def test_covered_cells_are_not_visible(batch: TrainingBatch) -> None:
-    hidden = replace(batch, visible=torch.zeros_like(batch.visible))
+    hidden = replace(batch, clear=torch.zeros_like(batch.clear))
     assert dense_truth(hidden, 4).visible.max() == 0
 
 

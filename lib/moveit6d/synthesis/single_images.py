@@ -22,6 +22,7 @@ from ..geometry.pose import Pose
 from ..geometry.rotation import random_rotations
 from ..rendering.renderer import Renderer
 from .augmentation.lights import LightConfig, random_lighting
+from .augmentation.random_source import RandomSource
 from .default_camera import CAMERA
 from .imaging.blur import gaussian_blur
 from .imaging.layers import over, premultiplied
@@ -106,7 +107,13 @@ def _put(
     distance = (view.distance / diameter).float()[None]
     depth = (buffer.depth / diameter.float() - distance[0]) * buffer.mask
     lit = random_lighting(
-        buffer.albedo, buffer.normal, depth, buffer.mask, distance, LightConfig(), generator
+        buffer.albedo,
+        buffer.normal,
+        depth,
+        buffer.mask,
+        distance,
+        LightConfig(),
+        RandomSource(generator),
     )
     layer = premultiplied(lit, buffer.mask)
     scale = float(matrix[0, 0]) / CAMERA.fx

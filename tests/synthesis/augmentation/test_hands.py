@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from moveit6d.geometry.crop import OBJECT_SIZE
-from moveit6d.synthesis.augmentation.hands import WIDTH, HandConfig, Hands, MadeHands
+from moveit6d.synthesis.augmentation.hands import WIDTH, HandConfig, Hands, ProceduralHands
 from moveit6d.synthesis.augmentation.lights import LightConfig
 from moveit6d.synthesis.objects.occluders import hand
 from tests.support.pairs import photos, rng
@@ -17,7 +17,7 @@ LIGHTS = LightConfig()
 
 def some_hands(config: HandConfig, seed: int = 0) -> Hands:
     random = np.random.default_rng(seed)
-    return Hands(config, MadeHands(config, photos(), random), LIGHTS, random, rng(seed))
+    return Hands(config, ProceduralHands(config, photos(), random), LIGHTS, rng(seed))
 
 
 def test_they_are_there_as_often_as_stated() -> None:
@@ -30,7 +30,7 @@ def test_they_are_there_as_often_as_stated() -> None:
 
 def test_a_few_are_kept_and_renewed() -> None:
     config = HandConfig(probability=1.0, pool_size=5, renew_every=2)
-    hands = MadeHands(config, photos(), np.random.default_rng(0))
+    hands = ProceduralHands(config, photos(), np.random.default_rng(0))
     seen = []
     for _ in range(5):
         hands._renew()

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from moveit6d.synthesis.augmentation.lights import LIGHT_COLOURS, LightConfig, random_lighting
-from tests.support.pairs import preset
+from tests.support.pairs import preset, rng
 
 PAPER = preset("paper").lights
 COUNT = 1500
@@ -26,7 +26,7 @@ def lit(config: LightConfig, albedo: float = 0.5, count: int = COUNT) -> Tensor:
         one,
         torch.full((count,), 4.0),
         config,
-        torch.Generator().manual_seed(0),
+        rng(),
     )[..., 0, 0]
 
 

@@ -1,5 +1,7 @@
 """The contact sheet: four patches a pair, the truth where the object is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -41,19 +43,6 @@ def test_patches_are_observed_rendered_marked_and_masked(batch: TrainingBatch) -
 
 
 def test_covered_parts_are_dark_red(batch: TrainingBatch) -> None:
-    hidden = TrainingBatch(
-        batch.observation,
-        batch.delta,
-        batch.true_depth,
-        batch.true_mask,
-        torch.zeros_like(batch.visible),
-        batch.clear,
-        batch.mesh,
-        batch.zoom,
-        batch.rotation,
-        batch.direction,
-        batch.present,
-        batch.near,
-    )
+    hidden = replace(batch, clear=torch.zeros_like(batch.clear))
     mask = cells(contact_sheet(hidden))[3]
     assert np.allclose(mask[batch.true_mask[0, 0].numpy() > 0.5], (0.55, 0.1, 0.1), atol=0.003)

@@ -68,11 +68,9 @@ class Composer:
         if config.size > 0:
             self.bank = OccluderBank(objects, config, self.lights, distance, self.rng, random)
 
-    def use_hands(
-        self, config: HandConfig, source: HandSource, random: np.random.Generator
-    ) -> None:
+    def use_hands(self, config: HandConfig, source: HandSource) -> None:
         """Put hands and cards in front as well."""
-        self.hands = Hands(config, source, self.lights, random, self.rng)
+        self.hands = Hands(config, source, self.lights, self.rng)
 
     def picture(self, observed: GBuffer, depth: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
         """Observed crops (B, 3, 128, 128), and 1 where nothing would occlude the object.
@@ -83,7 +81,7 @@ class Composer:
         augment, rng, batch = self.augment, self.rng, len(distance)
         lit = random_lighting(
             observed.albedo, observed.normal, depth, observed.mask, distance,
-            self.lights, rng.generator,
+            self.lights, rng,
         )  # fmt: skip
         gamma = rng.uniform(batch, 1, 1, 1, between=augment.gamma)
         layer = premultiplied(to_linear(lit, gamma), observed.mask)

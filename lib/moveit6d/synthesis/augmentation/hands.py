@@ -18,13 +18,13 @@ from torch import Tensor
 from ...geometry.crop import OBJECT_SIZE, PATCH_SIZE
 from ...geometry.pose import Pose
 from ...geometry.rotation import exp_so3, random_rotations
+from ...typing import Range
 from ..objects.object_set import MeshObjects, ObjectSet
 from ..objects.occluders import Occluder, card, hand
 from .lights import LightConfig
 from .occluder_bank import lit_layers
 from .random_source import RandomSource
 
-Range = tuple[float, float]
 FIRST = 4  # hands and cards that the first batch has to choose from
 WIDTH = 0.084  # metres across the palm of `occluders.hand`; cards are about as wide
 
@@ -57,7 +57,7 @@ class HandSource(Protocol):
         """Some of them: the set, numbers (count,), tips (count, 3) and which (count,) are hands."""
 
 
-class MadeHands:
+class ProceduralHands:
     """Makes hands and cards as it goes; keeps a few, as making one costs more than showing it."""
 
     def __init__(
@@ -85,10 +85,13 @@ class MadeHands:
         if full:
             self.kept.pop(int(self.random.integers(len(self.kept))))
         for _ in range(1 if self.kept else FIRST):
-            self.kept.append(made_hand(self.random, self.config.card_probability, self.photos))
+            hand_or_card = procedural_hand(self.random, self.config.card_probability, self.photos)
+            self.kept.append(hand_or_card)
 
 
-def made_hand(random: np.random.Generator, cards: float, photos: Sequence[np.ndarray]) -> Occluder:
+def procedural_hand(
+    random: np.random.Generator, cards: float, photos: Sequence[np.ndarray]
+) -> Occluder:
     """A new hand, or a card in a share of the cases."""
     return card(random, 1.0, photos) if random.random() < cards else hand(random)
 
@@ -97,11 +100,9 @@ class Hands:
     """Draws hands and cards as layers."""
 
     def __init__(
-        self, config: HandConfig, source: HandSource, lights: LightConfig,
-        random: np.random.Generator, rng: RandomSource,
-    ) -> None:  # fmt: skip
-        self.config, self.source = config, source
-        self.lights, self.random, self.rng = lights, random, rng
+        self, config: HandConfig, source: HandSource, lights: LightConfig, rng: RandomSource
+    ) -> None:
+        self.config, self.source, self.lights, self.rng = config, source, lights, rng
 
     def draw(self, batch: int, distance: Tensor) -> tuple[Tensor, Tensor]:
         """Which of the crops have one (n,), and the layers (n, 4, 128, 128) for them.

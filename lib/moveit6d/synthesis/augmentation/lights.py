@@ -12,9 +12,9 @@ import torch
 from torch import Tensor
 
 from ...geometry.crop import PADDING
+from ...typing import Range
 from ..imaging.shading import Illumination, Material, ShadedSurface, shade
-
-Range = tuple[float, float]
+from .random_source import RandomSource
 
 # The paper's seven colours: blue, cyan, green, magenta, red, yellow, white.
 LIGHT_COLOURS = (
@@ -57,7 +57,7 @@ class LightConfig:
 
 def random_lighting(
     albedo: Tensor, normal: Tensor, depth: Tensor, mask: Tensor, distance: Tensor,
-    config: LightConfig, generator: torch.Generator,
+    config: LightConfig, rng: RandomSource,
 ) -> Tensor:  # fmt: skip
     """Shaded crops (B, 3, H, W), 0 outside the mask; values may exceed 1.
 
@@ -69,50 +69,44 @@ def random_lighting(
         normal,
         depth + distance[:, None, None, None],
         mask,
-        _intrinsics(albedo.shape[-2], distance),
+        crop_intrinsics(albedo.shape[-2], distance),
         torch.nn.functional.pad(distance[:, None], (2, 0)),
     )
-    light, material = draw_lighting(len(albedo), config, generator)
+    light, material = draw_lighting(len(albedo), config, rng)
     colour = shade(surface, light, material)
-    unlit = _uniform(generator, len(albedo)) < config.unlit_probability
+    unlit = rng.bernoulli(len(albedo), config.unlit_probability)
     return surface.image(torch.where(unlit[surface.view][:, None], surface.albedo, colour))
 
 
 def draw_lighting(
-    batch: int, config: LightConfig, generator: torch.Generator
+    batch: int, config: LightConfig, rng: RandomSource
 ) -> tuple[Illumination, Material]:
     """Lights, in diameters about the object, and materials of B crops."""
-    device = generator.device
-    smoothness = _uniform(generator, batch, between=config.smoothness)
-    metallic = _uniform(generator, batch, between=config.metallic)
+    smoothness = rng.uniform(batch, between=config.smoothness)
+    metallic = rng.uniform(batch, between=config.metallic)
     positions, strengths = [], []
     for _ in range(config.count):
-        place = torch.randn(batch, 3, generator=generator, device=device)
+        place = rng.normal(batch, 3)
         place[:, 2] = -place[:, 2].abs()  # in front of the object, or it would be black
         place = torch.nn.functional.normalize(place, dim=-1)
-        place = place * _uniform(generator, batch, 1, between=config.distance)
+        place = place * rng.uniform(batch, 1, between=config.distance)
         positions.append(torch.nn.functional.pad(place, (0, 1), value=1.0))
-        strengths.append(_uniform(generator, batch, between=config.intensity) / config.count)
-    ambient = _uniform(generator, batch, between=config.ambient)
-    colours = torch.tensor(config.colours, device=device)
-    chosen = torch.randint(len(colours), (batch,), generator=generator, device=device)
-    tint = _uniform(generator, batch, 1, between=config.tint) * (colours[chosen] - 1)
+        strengths.append(rng.uniform(batch, between=config.intensity) / config.count)
+    ambient = rng.uniform(batch, between=config.ambient)
+    colours = torch.tensor(config.colours, device=rng.device)
+    chosen = rng.integers(batch, below=len(colours))
+    tint = rng.uniform(batch, 1, between=config.tint) * (colours[chosen] - 1)
     light = Illumination(
         torch.stack(positions),
         torch.stack(strengths),
-        (1 + tint) * _uniform(generator, batch, 1, between=config.colour_gain),
+        (1 + tint) * rng.uniform(batch, 1, between=config.colour_gain),
         (1 - ambient) * DIFFUSE,
         (1 + config.ambient_tint * tint) * ambient[:, None],
     )
     return light, Material(metallic, smoothness)
 
 
-def _uniform(generator: torch.Generator, *shape: int, between: Range = (0.0, 1.0)) -> Tensor:
-    values = torch.rand(*shape, generator=generator, device=generator.device)
-    return values * (between[1] - between[0]) + between[0]
-
-
-def _intrinsics(size: int, distance: Tensor) -> Tensor:
+def crop_intrinsics(size: int, distance: Tensor) -> Tensor:
     """Intrinsics (B, 3, 3) of look-at crops of objects at a distance (B,) in diameters."""
     matrix = distance.new_zeros(len(distance), 3, 3)
     matrix[:, 0, 0] = matrix[:, 1, 1] = size / PADDING * distance

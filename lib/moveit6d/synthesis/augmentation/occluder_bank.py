@@ -14,14 +14,15 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ...geometry.crop import OBJECT_SIZE, PATCH_SIZE
+from ...geometry.crop import PATCH_SIZE
 from ...geometry.pose import Pose
 from ...geometry.rotation import random_rotations
+from ...typing import Range
+from ..imaging.layers import premultiplied
+from ..imaging.sensor import resize, to_bytes
 from ..objects.object_set import ObjectSet
-from .lights import LightConfig, random_lighting
+from .lights import LightConfig, crop_intrinsics, random_lighting
 from .random_source import RandomSource
-
-Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ class OccluderBank:
             cut = self._cut(layer)
             top, left = (side - cut.shape[-2]) // 2, (side - cut.shape[-1]) // 2
             result[number, :, top : top + cut.shape[-2], left : left + cut.shape[-1]] = cut
-        return (result.clamp(0, 1) * 255).round().byte()
+        return to_bytes(result)
 
     def _cut(self, layer: Tensor) -> Tensor:
         """A random part of a layer (4, 128, 128), made smaller: (4, h, w)."""
@@ -92,10 +93,7 @@ class OccluderBank:
         top, left = (
             int(self.rng.uniform(1).item() * (PATCH_SIZE - extent + 1)) for extent in (high, wide)
         )
-        part = layer[None, :, top : top + high, left : left + wide]
-        return functional.interpolate(
-            part, small, mode="bilinear", antialias=True, align_corners=False
-        )[0]
+        return resize(layer[None, :, top : top + high, left : left + wide], *small)[0]
 
 
 def lit_layers(
@@ -106,20 +104,10 @@ def lit_layers(
 
     `distance` (B,) sets the focal length as that of an object so many diameters away.
     """
-    focal = OBJECT_SIZE * distance
-    seen = objects.render(index, poses, _patch_intrinsics(focal))
+    seen = objects.render(index, poses, crop_intrinsics(PATCH_SIZE, distance))
     # The unit in which the object's centre is `distance` away: lights are placed in it.
     unit = (poses.translation[:, 2] / distance).float()[:, None, None, None]
     near = distance.float()
     depth = (seen.depth / unit - near[:, None, None, None]) * seen.mask
-    lit = random_lighting(seen.albedo, seen.normal, depth, seen.mask, near, lights, rng.generator)
-    return torch.cat([lit * seen.mask, seen.mask], 1)
-
-
-def _patch_intrinsics(focal: Tensor) -> Tensor:
-    """Intrinsics (B, 3, 3) of look-at crops by their focal lengths (B,) in pixels."""
-    matrix = focal.new_zeros(len(focal), 3, 3)
-    matrix[:, 0, 0] = matrix[:, 1, 1] = focal
-    matrix[:, 0, 2] = matrix[:, 1, 2] = (PATCH_SIZE - 1) / 2
-    matrix[:, 2, 2] = 1
-    return matrix
+    lit = random_lighting(seen.albedo, seen.normal, depth, seen.mask, near, lights, rng)
+    return premultiplied(lit, seen.mask)

@@ -90,7 +90,7 @@ class MovingBackground:
         for _ in range(int(rng.integers(difficulty.clutter[0], difficulty.clutter[1] + 1))):
             self._add_clutter(rng, renderer, depth, photos)
         self._way = SmoothPath(rng, 4)
-        # Slow levels drift about 1 pixel a frame, fast ones a few.
+        # Slow sequences drift about 1 pixel a frame, fast ones a few.
         speed = 0.5 + 0.03 * sum(difficulty.pixels_per_frame)
         self._pace = 2 * math.pi / 120 * speed
         self._middle = ((large[1] - 1) / 2, (large[0] - 1) / 2)

@@ -93,12 +93,9 @@ def render_layers(
         poses.translation.float(),
     )  # fmt: skip
     surface = replace(surface, albedo=to_linear(surface.albedo))
-    reflection = Material(
-        *torch.tensor([material.metallic, material.smoothness]).expand(count, 2).T
-    )
     towards, middle = torch.tensor(light.towards), poses[count // 2]
     visibility = light_visibility(renderer, mesh, middle, towards, surface)
-    shaded = shade(surface, light.illumination(count), reflection, visibility)
+    shaded = shade(surface, light.illumination(count), material.reflection(count), visibility)
     color = surface.image(shaded).permute(0, 2, 3, 1).numpy()
     depth = gbuffer.depth[:, 0].numpy()
     return [Layer(left, top, color[b], depth[b]) for b in range(count)]

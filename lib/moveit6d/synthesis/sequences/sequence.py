@@ -93,7 +93,7 @@ def write_sequence(
 
 
 class Scene:
-    """Everything that is in front of the camera, drawn once from a seed; `shoot` takes a frame."""
+    """Everything that is in front of the camera, drawn once from a seed; see `render_frame`."""
 
     @limited_threads(1)
     def __init__(

@@ -11,11 +11,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
+from ..imaging.layers import blend
+from ..imaging.sensor import to_bytes
 from .pairs import TrainingBatch
 
 GAP = 6  # pixels between pairs
-TRUTH, START = (0.2, 1.0, 0.3), (1.0, 0.35, 0.2)  # colours of the two outlines
-SEEN, HIDDEN = (1.0, 1.0, 1.0), (0.55, 0.1, 0.1)  # of the mask's parts
+# Colours of the two outlines, and of the mask's parts: (3, 1, 1).
+TRUTH, START, SEEN, HIDDEN = torch.tensor(
+    [[0.2, 1.0, 0.3], [1.0, 0.35, 0.2], [1.0, 1.0, 1.0], [0.55, 0.1, 0.1]]
+)[..., None, None]
 
 
 def contact_sheet(batch: TrainingBatch, across: int = 2) -> NDArray[np.uint8]:
@@ -26,24 +30,19 @@ def contact_sheet(batch: TrainingBatch, across: int = 2) -> NDArray[np.uint8]:
     where it is occluded.
     """
     seen = batch.observation
-    marked = _painted(seen.image, _outline(seen.mask), START)
-    marked = _painted(marked, _outline(batch.true_mask), TRUTH)
-    mask = _painted(torch.zeros_like(seen.image), batch.true_mask, HIDDEN)
-    mask = _painted(mask, batch.visible, SEEN)
+    marked = blend(seen.image, START, _outline(seen.mask))
+    marked = blend(marked, TRUTH, _outline(batch.true_mask))
+    mask = blend(torch.zeros_like(seen.image), HIDDEN, batch.true_mask)
+    mask = blend(mask, SEEN, batch.visible)
     pairs = torch.cat([seen.image, seen.rendering, marked, mask], -1)  # (B, 3, 128, 512)
     pairs = functional.pad(pairs, (GAP, GAP, GAP, GAP), value=0.5)
     rest = -len(pairs) % across
     pairs = torch.cat([pairs, torch.full((rest, *pairs.shape[1:]), 0.5)])
     rows = [torch.cat(list(pairs[k : k + across]), -1) for k in range(0, len(pairs), across)]
     sheet = torch.cat(rows, -2).permute(1, 2, 0)
-    return (sheet.clamp(0, 1) * 255).round().byte().numpy()
+    return to_bytes(sheet).numpy()
 
 
 def _outline(mask: Tensor) -> Tensor:
     """The object's side of its silhouette's edge (B, 1, H, W)."""
     return mask - -functional.max_pool2d(-mask, 3, 1, 1)
-
-
-def _painted(picture: Tensor, where: Tensor, colour: tuple[float, float, float]) -> Tensor:
-    tint = torch.tensor(colour)[None, :, None, None]
-    return picture + (tint - picture) * where

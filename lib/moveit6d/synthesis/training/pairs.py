@@ -9,7 +9,7 @@ objects: a CPU, or a GPU that draws hundreds of pairs at once.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 import torch
@@ -25,9 +25,10 @@ from ...geometry.rotation import random_rotations
 from ...observation import Observation
 from ...rendering.renderer import GBuffer
 from ...rendering.shading import shade_plain
+from ...typing import Range
 from ..augmentation.composing import Composer
 from ..augmentation.config import AugmentConfig
-from ..augmentation.hands import HandConfig, HandSource, MadeHands
+from ..augmentation.hands import HandConfig, HandSource, ProceduralHands
 from ..augmentation.lights import LightConfig
 from ..augmentation.occluder_bank import BankConfig
 from ..augmentation.photo_bank import PhotoBank
@@ -37,8 +38,6 @@ from ..settings import check_settings
 from .clusters import ClusterConfig, draw_deltas
 from .equivalents import nearest_delta
 from .views import ViewBatch, ViewConfig, draw_views
-
-Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -127,21 +126,20 @@ class TrainingBatch:
 
     `delta` (B, 6) takes the start to the truth, or to the nearest pose that looks the same if the
     object declares symmetries; `true_depth` (B, 1, 128, 128) is the true pose's depth as in
-    `Observation.depth`, `true_mask` (B, 1, 128, 128) its silhouette and `visible` (B, 1, 128, 128)
-    what of that is not occluded; `clear` (B, 1, 128, 128) is 1 where nothing would occlude the
-    object; `mesh` (B,) is the number of the object, on the CPU, `zoom` (B,) how many times larger
-    than usual the crop shows it (delta, distance and depths are in diameters divided by that),
-    `rotation` (B, 3, 3) the start's in its view and `direction` (B, 2) x / z and y / z of its
-    centre there, 0 in a look-at view. `present` (B,) is 1 where the picture shows the object at
-    all, `near` (B,) where it does and the truth is within `PairConfig.max_delta`: from larger
-    deltas only the confidence learns. `views` are templates for the descriptors, if any were drawn.
+    `Observation.depth`, `true_mask` (B, 1, 128, 128) its silhouette and `clear` (B, 1, 128, 128)
+    is 1 where nothing would occlude the object; `mesh` (B,) is the number of the object, on the
+    CPU, `zoom` (B,) how many times larger than usual the crop shows it (delta, distance and depths
+    are in diameters divided by that), `rotation` (B, 3, 3) the start's in its view and `direction`
+    (B, 2) x / z and y / z of its centre there, 0 in a look-at view. `present` (B,) is 1 where the
+    picture shows the object at all, `near` (B,) where it does and the truth is within
+    `PairConfig.max_delta`: from larger deltas only the confidence learns. `views` are templates
+    for the descriptors, if any were drawn.
     """
 
     observation: Observation
     delta: Tensor
     true_depth: Tensor
     true_mask: Tensor
-    visible: Tensor
     clear: Tensor
     mesh: Tensor
     zoom: Tensor
@@ -150,6 +148,11 @@ class TrainingBatch:
     present: Tensor
     near: Tensor
     views: ViewBatch | None = None
+
+    @property
+    def visible(self) -> Tensor:
+        """What of the silhouette is not occluded: (B, 1, 128, 128)."""
+        return self.true_mask * self.clear
 
     def to(self, device: torch.device) -> TrainingBatch:
         """The same pairs on another device; `mesh` stays where it is."""
@@ -183,9 +186,11 @@ class PairGenerator:
         self.composer.use_bank(config.bank, others, config.distance, self.random)
         if config.hands.probability > 0:
             if hands is None:
-                assert not isinstance(photos, PhotoBank), "made hands need photographs to print"
-                hands = MadeHands(config.hands, photos, self.random)
-            self.composer.use_hands(config.hands, hands, self.random)
+                assert not isinstance(photos, PhotoBank), (
+                    "procedural hands need photographs for their textures"
+                )
+                hands = ProceduralHands(config.hands, photos, self.random)
+            self.composer.use_hands(config.hands, hands)
 
     def batch(self, size: int, cluster: str | None = None) -> TrainingBatch:
         """`size` new pairs, of one named cluster if given."""
@@ -208,24 +213,19 @@ class PairGenerator:
         delta = nearest_delta(symmetries, start, truth, diameter, crop)
         intrinsics = view_of(start, diameter, crop).intrinsics
         rendered = self.objects.render(index, start, intrinsics)
-        observed, present = self._observed(index, truth, intrinsics, diameter)
-        relative, true_depth = (
-            _relative(buffer, distance, diameter) for buffer in (rendered, observed)
-        )
+        observed, present = self._observed(index, truth, intrinsics)
+        true_depth = _relative(observed, distance, diameter)
         picture, clear = self.composer.picture(observed, true_depth, distance.float())
-        rendering = self._rendering(rendered)
-        observation = Observation(picture, rendering, relative, rendered.mask, distance.float())
-        shown = present[:, None, None, None]
-        pairs = TrainingBatch(
-            observation, delta.float(), true_depth, observed.mask * shown,
-            observed.mask * clear * shown, clear, index, zoom, rotation, direction.float(),
-            present, present * self._within(delta).float(),
+        pairs = self._pairs(
+            picture, clear, rendered, observed.mask, true_depth, distance, diameter,
+            mesh=index, zoom=zoom, rotation=rotation, direction=direction, delta=delta,
+            present=present,
         )  # fmt: skip
         if not self.config.views.share:
             return pairs
         views = draw_views(pairs, start, truth, diameter, self.objects, self.config.views,
                            self.rng, self._rendering)  # fmt: skip
-        return TrainingBatch(**{**vars(pairs), "views": views})
+        return replace(pairs, views=views)
 
     def advance(self, batch: TrainingBatch, delta: Tensor) -> TrainingBatch:
         """The same images after a policy's pose deltas (B, 6), with new renderings.
@@ -247,21 +247,41 @@ class PairGenerator:
         observed = self.objects.render(batch.mesh, goal, view.intrinsics)
         layers = torch.cat([batch.observation.image, batch.clear], 1)
         layers = crop_patches(layers, view, old.intrinsics)
-        clear = (layers[:, 3:] > 0.5).float()
-        relative, true_depth = (
-            _relative(buffer, distance, diameter) for buffer in (rendered, observed)
-        )
-        observation = Observation(
-            layers[:, :3], self._rendering(rendered), relative, rendered.mask, distance.float()
-        )
-        remaining = nearest_delta(self._symmetries(batch.mesh), here, goal, diameter, crop)
-        shown = batch.present[:, None, None, None]
-        return TrainingBatch(
-            observation, remaining.float(), true_depth, observed.mask * shown,
-            observed.mask * clear * shown, clear, batch.mesh, batch.zoom, here.rotation,
-            (here.translation[:, :2] / here.translation[:, 2:]).float(),
-            batch.present, batch.present * self._within(remaining).float(),
+        return self._pairs(
+            layers[:, :3], (layers[:, 3:] > 0.5).float(), rendered, observed.mask,
+            _relative(observed, distance, diameter), distance, diameter,
+            mesh=batch.mesh, zoom=batch.zoom, rotation=here.rotation,
+            direction=here.translation[:, :2] / here.translation[:, 2:],
+            delta=nearest_delta(self._symmetries(batch.mesh), here, goal, diameter, crop),
+            present=batch.present,
         )  # fmt: skip
+
+    def _pairs(
+        self, image: Tensor, clear: Tensor, rendered: GBuffer, mask: Tensor, true_depth: Tensor,
+        distance: Tensor, diameter: Tensor, *, mesh: Tensor, zoom: Tensor, rotation: Tensor,
+        direction: Tensor, delta: Tensor, present: Tensor,
+    ) -> TrainingBatch:  # fmt: skip
+        """Pairs of images and the G-buffers at the start; `mask` is that at the truth."""
+        observation = Observation(
+            image,
+            self._rendering(rendered),
+            _relative(rendered, distance, diameter),
+            rendered.mask,
+            distance.float(),
+        )
+        return TrainingBatch(
+            observation,
+            delta.float(),
+            true_depth,
+            mask * present[:, None, None, None],
+            clear,
+            mesh,
+            zoom,
+            rotation,
+            direction.float(),
+            present,
+            present * self._within(delta).float(),
+        )
 
     def _symmetries(self, index: Tensor) -> Sequence[NDArray[np.float64]]:
         return [self.objects.symmetries(number) for number in index.tolist()]
@@ -280,9 +300,7 @@ class PairGenerator:
         delta[:, 3:] = np.where(chosen, rotation, delta[:, 3:])
         return delta
 
-    def _observed(
-        self, index: Tensor, truth: Pose, intrinsics: Tensor, diameter: Tensor
-    ) -> tuple[GBuffer, Tensor]:
+    def _observed(self, index: Tensor, truth: Pose, intrinsics: Tensor) -> tuple[GBuffer, Tensor]:
         """G-buffers at the true poses, and 1 where they show the object itself."""
         batch = len(index)
         absent = self.random.random(batch) < self.config.absent_probability

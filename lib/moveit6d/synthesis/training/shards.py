@@ -24,6 +24,7 @@ from ...errors import InputError
 from ...geometry.mesh import Mesh
 from ...io import read_json, replacing, write_json
 from ...observation import Observation
+from ..imaging.sensor import to_bytes
 from .pairs import TrainingBatch
 from .source import PairSource
 
@@ -192,8 +193,8 @@ def _packed(batch: TrainingBatch) -> dict[str, Tensor]:
     """Eight bits a colour, a bit a mask, 16 bits a depth in diameters: 170 kB a pair."""
     seen = batch.observation
     return {
-        "image": (seen.image * 255).round().byte(),
-        "rendering": (seen.rendering * 255).round().byte(),
+        "image": to_bytes(seen.image),
+        "rendering": to_bytes(seen.rendering),
         "depth": seen.depth.half(),
         "true_depth": batch.true_depth.half(),
         "mask": _bits(seen.mask),
@@ -224,7 +225,6 @@ def _unpacked(stored: dict[str, Any]) -> TrainingBatch:
         stored["delta"],
         stored["true_depth"].float(),
         true_mask,
-        true_mask * clear * stored["present"][:, None, None, None],
         clear,
         stored["mesh"],
         stored["zoom"],

@@ -14,18 +14,17 @@ import torch
 from torch import Tensor
 
 from ...actions import PoseAction
-from ...geometry.crop import crop_patches, look_at
+from ...geometry.crop import View, crop_patches, look_at
 from ...geometry.pose import Pose
 from ...geometry.rotation import exp_so3, random_rotations
 from ...rendering.renderer import GBuffer
+from ...typing import Range
 from ..augmentation.random_source import RandomSource
 from ..objects.object_set import ObjectSet
 from .equivalents import rotation_distance
 
 if TYPE_CHECKING:
     from .pairs import TrainingBatch
-
-Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -96,7 +95,7 @@ def draw_views(
     )
     view, old = look_at(centre, diameter), look_at(start, diameter)
     # From the start's crop to the one around the truth: both cameras are in one place.
-    between = type(view)(view.rotation @ old.rotation.mT, view.intrinsics, view.distance)
+    between = View(view.rotation @ old.rotation.mT, view.intrinsics, view.distance)
     layers = torch.cat([pairs.observation.image, pairs.visible, pairs.true_mask], 1)[:count]
     layers = crop_patches(layers, between, old.intrinsics)
     whole = layers[:, 4].flatten(1).sum(1)
