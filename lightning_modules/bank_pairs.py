@@ -8,8 +8,9 @@ from __future__ import annotations
 import multiprocessing
 import os
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
@@ -24,15 +25,15 @@ from moveit6d.rendering.cuda_renderer import BankRenderer, Run
 from moveit6d.rendering.mesh_bank import MeshBank, PackedMesh, pack_mesh
 from moveit6d.synthesis.augmentation.hands import procedural_hand
 from moveit6d.synthesis.augmentation.photo_bank import PhotoBank
-from moveit6d.synthesis.augmentation.photos import load_photos
 from moveit6d.synthesis.objects.object_set import BankObjects, ObjectSet
 from moveit6d.synthesis.training.pairs import PairGenerator, TrainingBatch
 from moveit6d.synthesis.training.source import PairSource
 
-TEXTURES = 150  # photographs that a worker process keeps for made objects
+TEXTURES = 150  # photographs that a worker process keeps for procedural objects
 HANDS = 96  # hands and cards, made once
 CARDS = 0.35  # share of them that are cards
-RENEWED = 4  # made objects replaced a batch at most
+RENEWED = 4  # procedural objects replaced a batch at most
+SHAPE_SHARE = 0.7  # pairs of procedural objects for each pair of a mesh
 
 
 class BankStream(IterableDataset[TrainingBatch]):
@@ -55,8 +56,7 @@ class BankStream(IterableDataset[TrainingBatch]):
         random = np.random.default_rng([*self.seed])
         processes = min(16, max(1, (os.cpu_count() or 1)))
         context = multiprocessing.get_context("spawn")
-        setup = (self.source.photos, self.source.symmetric)
-        with ProcessPoolExecutor(processes, context, _begin, setup) as pool:
+        with ProcessPoolExecutor(processes, context, _begin, (self.source,)) as pool:
             yield from self._batches(pool, random)
 
     def _batches(
@@ -64,8 +64,8 @@ class BankStream(IterableDataset[TrainingBatch]):
     ) -> Iterator[TrainingBatch]:
         source = self.source
         seeds = iter(lambda: int(random.integers(2**62)), None)
-        files = list(pool.map(_file, source.meshes, [source.mesh_unit] * len(source.meshes)))
-        made = [self._made(pool, next(seeds)) for _ in range(source.shapes)]
+        files = list(pool.map(_file, source.meshes))
+        made = [pool.submit(_shape, next(seeds)) for _ in range(source.shapes)]
         hands = list(pool.map(_hand, [next(seeds) for _ in range(HANDS)]))
         shapes = [future.result() for future in made]
         packed = [*files, *shapes, *(mesh for mesh, _, _ in hands)]
@@ -74,7 +74,7 @@ class BankStream(IterableDataset[TrainingBatch]):
         ends = [len(files), len(files) + len(shapes), len(packed)]
         slots = [range(start, end) for start, end in zip([0, *ends], ends, strict=False)]
         # As with few procedural shapes that are renewed often: their share of the pairs matters.
-        weights = [float(len(files)), source.shape_share * max(1, len(files))]
+        weights = [float(len(files)), SHAPE_SHARE * max(1, len(files))]
         objects = BankObjects(
             renderer, slots[:2] if files else slots[1:2], weights if files else [1.0]
         )
@@ -94,21 +94,13 @@ class BankStream(IterableDataset[TrainingBatch]):
                 batch = generator.advance(batch, delta)
                 yield batch
             while len(waiting) < 4 * RENEWED and len(shapes):
-                waiting.append(self._made(pool, next(seeds)))
+                waiting.append(pool.submit(_shape, next(seeds)))
             for _ in range(RENEWED):
                 if not waiting or not waiting[0].done():
                     break
                 new = waiting.popleft().result()
                 if bank.fits(new):
                     bank.put(slots[1][int(random.integers(len(shapes)))], new)
-
-    def _made(self, pool: ProcessPoolExecutor, seed: int) -> Future[PackedMesh]:
-        """A new shape, or a copy of one of the meshes without its print."""
-        random, source = np.random.default_rng(seed), self.source
-        if source.meshes and random.random() < source.untextured * (1 - source.symmetric):
-            path = source.meshes[int(random.integers(len(source.meshes)))]
-            return pool.submit(_untextured, path, source.mesh_unit, seed)
-        return pool.submit(_shape, seed)
 
 
 class BankHands:
@@ -129,39 +121,58 @@ class BankHands:
         return self.objects, index, self.tips[place], self.reaching[place]
 
 
-# Of each worker process: photographs for textures, and the share of symmetric shapes.
-_PHOTOS: list[np.ndarray] = []
-_SYMMETRIC = 0.0
+class MeshFiles(Sequence[Mesh]):
+    """The meshes of a source, each read when it is asked for: no worker keeps them all."""
+
+    def __init__(self, source: PairSource) -> None:
+        self.source = source
+
+    def __len__(self) -> int:
+        return len(self.source.meshes)
+
+    def __getitem__(self, number: int) -> Mesh:  # type: ignore[override]
+        return self.source.load(self.source.meshes[number])
 
 
-def _begin(photos: Path | None, symmetric: float) -> None:
-    global _SYMMETRIC
+class Worker:
+    """Makes and loads the objects of a source in a process of its own."""
+
+    def __init__(self, source: PairSource) -> None:
+        self.source, self.meshes = source, MeshFiles(source)
+        # The same in every worker: what a seed makes does not depend on who makes it.
+        few = replace(source, photo_limit=TEXTURES)
+        self.photos = few.load_photos(np.random.default_rng(0))
+
+    def file(self, path: Path) -> PackedMesh:
+        """One of the mesh files."""
+        return pack_mesh(self.source.load(path))
+
+    def shape(self, seed: int) -> PackedMesh:
+        """A new procedural shape, or a copy of one of the meshes without its texture."""
+        random = np.random.default_rng(seed)
+        return pack_mesh(self.source.shape(random, self.photos, self.meshes))
+
+    def hand(self, seed: int) -> tuple[PackedMesh, np.ndarray, bool]:
+        """A new hand or card, its tip, and whether it is a hand."""
+        hand = procedural_hand(np.random.default_rng(seed), CARDS, self.photos)
+        return pack_mesh(hand.mesh), np.asarray(hand.tip), hand.along is not None
+
+
+_WORKERS: list[Worker] = []  # of each worker process its own
+
+
+def _begin(source: PairSource) -> None:
     torch.set_num_threads(1)
-    if photos is not None:
-        _PHOTOS.extend(load_photos(Path(photos), TEXTURES))
-    _SYMMETRIC = symmetric
+    _WORKERS.append(Worker(source))
 
 
-def _file(path: Path, unit: str) -> PackedMesh:
-    return pack_mesh(Mesh.load(path, unit=unit))  # type: ignore[arg-type]
-
-
-def _untextured(path: Path, unit: str, seed: int) -> PackedMesh:
-    from moveit6d.synthesis.objects.untextured import untextured_copy
-
-    return pack_mesh(untextured_copy(np.random.default_rng(seed), Mesh.load(path, unit=unit)))  # type: ignore[arg-type]
+def _file(path: Path) -> PackedMesh:
+    return _WORKERS[-1].file(path)
 
 
 def _shape(seed: int) -> PackedMesh:
-    from moveit6d.synthesis.objects.shapes import random_object
-    from moveit6d.synthesis.objects.symmetric_shapes import symmetric_object
-
-    random = np.random.default_rng(seed)
-    kind = symmetric_object if random.random() < _SYMMETRIC else random_object
-    return pack_mesh(kind(random, _PHOTOS))
+    return _WORKERS[-1].shape(seed)
 
 
 def _hand(seed: int) -> tuple[PackedMesh, np.ndarray, bool]:
-    random = np.random.default_rng(seed)
-    made = procedural_hand(random, CARDS, _PHOTOS)
-    return pack_mesh(made.mesh), np.asarray(made.tip), made.along is not None
+    return _WORKERS[-1].hand(seed)

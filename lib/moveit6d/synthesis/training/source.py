@@ -46,7 +46,6 @@ class PairSource:
     symmetric: float = 0.0
     occluders: tuple[Path, ...] = ()
     untextured: float = 0.0
-    shape_share: float = 0.7  # on a GPU: pairs of made shapes for each pair of a mesh
 
     def load_photos(self, random: np.random.Generator) -> list[np.ndarray]:
         """The photographs of the folder, or generated pictures."""
@@ -54,14 +53,17 @@ class PairSource:
             return load_photos(Path(self.photos), self.photo_limit)
         return [procedural_photo(random, (200, 260)) for _ in range(PROCEDURAL_PHOTOS)]
 
+    def load(self, path: Path) -> Mesh:
+        """One of the files, with the symmetries that are declared beside it."""
+        return Mesh.load(path, unit=self.mesh_unit, allow_flat=True)
+
     def load_meshes(self) -> list[Mesh]:
-        """The meshes of the files, with the symmetries that are declared beside them."""
-        return [Mesh.load(path, unit=self.mesh_unit, allow_flat=True) for path in self.meshes]
+        """The meshes of the files."""
+        return [self.load(path) for path in self.meshes]
 
     def load_occluders(self) -> list[Mesh] | None:
         """The meshes for the bank, or None."""
-        paths = self.occluders
-        return [Mesh.load(path, unit=self.mesh_unit, allow_flat=True) for path in paths] or None
+        return [self.load(path) for path in self.occluders] or None
 
     def shape(
         self, random: np.random.Generator, photos: Sequence[np.ndarray], meshes: Sequence[Mesh] = ()
