@@ -49,7 +49,7 @@ class LossWeights:
     confidence: float = 0.2
     views: float = 0.1
     teacher: float = 3.0  # at the first step
-    # A count of t_z moves a far object by a tenth of its diameter, so it must be the most exact.
+    # A unit of t_z moves a far object by a tenth of its diameter, so it must be the most exact.
     scale: tuple[float, float, float, float, float, float] = (4.0, 4.0, 2.0, 4.0, 4.0, 4.0)
     beta: float = 0.15
 
@@ -85,8 +85,8 @@ def dense_truth(batch: TrainingBatch, stride: int) -> DenseTruth:
 
 def correlation_losses(
     output: CorrelationOutput, batch: TrainingBatch, radius: int, weights: LossWeights
-) -> dict[str, Tensor]:
-    """Every term of the correlation network's loss, unweighted, by name."""
+) -> tuple[dict[str, Tensor], Tensor]:
+    """Every term of the correlation network's loss, unweighted, by name; which (B,) are right."""
     coarse, fine = (dense_truth(batch, stride) for stride in (8, 4))
     coarse_flow, coarse_seen, coarse_weight = _dense_losses(output.coarse, coarse, 3.0)
     fine_flow, fine_seen, fine_weight = _dense_losses(output.fine, fine, 2.0)
@@ -103,7 +103,7 @@ def correlation_losses(
         )
         return _mean_of(loss.mean(1), near)
 
-    return {
+    terms = {
         "matching": matching_loss(output.matching, coarse, radius),
         "coarse": coarse_flow,
         "fine": fine_flow,
@@ -116,6 +116,7 @@ def correlation_losses(
         "actions": action_loss(output.prediction, batch),
         "confidence": functional.binary_cross_entropy_with_logits(output.confidence_logit, right),
     }
+    return terms, right
 
 
 def _mean_of(values: Tensor, weight: Tensor) -> Tensor:

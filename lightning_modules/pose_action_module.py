@@ -28,8 +28,6 @@ from .losses import (
     LossWeights,
     action_loss,
     correlation_losses,
-    is_right,
-    point_error,
     view_loss,
     view_pictures,
 )
@@ -143,7 +141,7 @@ class PoseActionModule(pl.LightningModule):
             output = network(batch.observation, early, view_pictures(views))
         else:
             output = network(batch.observation, early)
-        terms = correlation_losses(output, batch, network.config.radius, self.weights)
+        terms, right = correlation_losses(output, batch, network.config.radius, self.weights)
         if output.described is not None:
             assert isinstance(network, CompactCorrelationNet) and views is not None
             temperature = network.view_temperature
@@ -160,7 +158,7 @@ class PoseActionModule(pl.LightningModule):
         near = batch.near[:, None]
         left = ((delta - batch.delta).abs() * near).sum()
         values["error_left"] = (left / (batch.delta.abs() * near).sum()).detach()
-        values["right"] = is_right(batch, point_error(batch, delta.detach())).mean()
+        values["right"] = right.mean()
         return loss, values
 
     def configure_optimizers(self) -> Any:

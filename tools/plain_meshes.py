@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from lightning_modules.cli import read_data
+from lightning_modules.pair_data_module import PairDataModule
 from moveit6d.config import KeyframeConfig, TrackerConfig
 from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.sequences import Sequence, read_sequences
@@ -28,7 +28,6 @@ from moveit6d.geometry.mesh import Mesh
 from moveit6d.policies import NetworkPolicy, load_policy
 from moveit6d.synthesis.sequences.sequence import write_sequence
 
-CONFIG = Path(__file__).parents[1] / "configs/fit/compact.yaml"
 CLIPS = {"medium": 700, "fast": 900}  # seeds
 FRAMES, TRACKED = 60, {"fast": 30}  # frames made, and tracked where that is fewer
 PHOTOS = 60
@@ -56,11 +55,10 @@ def main() -> int:
 
 def _make(meshes: Path, photos: Path, clips: Path) -> None:
     """The clips that are missing."""
-    data = read_data([f"--config={CONFIG}", f"--data.meshes={meshes}"])
     read = itertools.islice(open_frames(photos), PHOTOS)
     backgrounds = [photo.image for photo in read if photo.image is not None]
     for level, seed in CLIPS.items():
-        for number, path in enumerate(data.mesh_paths()[1]):
+        for number, path in enumerate(PairDataModule(meshes=meshes).mesh_paths()[1]):
             folder = clips / f"{level}_{number:02d}"
             if not folder.exists():
                 write_sequence(

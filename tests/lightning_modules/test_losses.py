@@ -83,8 +83,11 @@ def test_a_pose_is_right_by_the_object_not_by_the_patch(batch: TrainingBatch) ->
 def test_every_term_is_finite_has_a_weight_and_a_gradient(batch: TrainingBatch) -> None:
     network = CorrelationNet()
     output = network(batch.observation)
-    terms = correlation_losses(output, batch, network.config.radius, LossWeights())
+    terms, right = correlation_losses(output, batch, network.config.radius, LossWeights())
     weights = LossWeights()
+    delta = output.prediction.delta
+    assert delta is not None
+    assert torch.equal(right, is_right(batch, point_error(batch, delta)))
     assert all(hasattr(weights, name) for name in terms)
     total = torch.stack([value * getattr(weights, name) for name, value in terms.items()]).sum()
     total.backward()
@@ -133,7 +136,8 @@ def test_far_and_absent_pairs_teach_the_confidence_alone(batch: TrainingBatch) -
         output = network(batch.observation)
         far = replace(batch, near=torch.zeros_like(batch.near))
         absent = replace(far, present=torch.zeros_like(batch.present))
-        terms = [correlation_losses(output, b, radius, LossWeights()) for b in (batch, far, absent)]
+        batches = (batch, far, absent)
+        terms = [correlation_losses(output, b, radius, LossWeights())[0] for b in batches]
     for name in ("solved", "delta", "points", "actions"):
         assert terms[0][name] > 0 and terms[1][name] == 0
     assert not is_right(absent, torch.zeros(len(batch.delta))).any()
