@@ -77,7 +77,7 @@ def sequences(make_sequence: Make, scene: Any, use_oracle: Callable[..., None]) 
 
 @pytest.fixture
 def small(tmp_path: Path) -> list[str]:
-    """Options for one made object and one picture."""
+    """Options for one procedural object and one picture."""
     folder = tmp_path / "photos"
     folder.mkdir()
     Image.fromarray(photos()[0]).save(folder / "0.png")

@@ -40,7 +40,7 @@ def test_every_configuration_is_read_with_every_overlay(path: Path) -> None:
         assert data.pairs == axis, "but for the overlay's crop"
     if path.stem == "object_specific":
         assert (data.holdout, data.shapes, data.renew_every) == (0, 0, 0)
-        assert data.source().shapes == 1, "without meshes one made object, which stays"
+        assert data.source().shapes == 1, "without meshes one procedural object, which stays"
 
 
 @pytest.mark.filterwarnings("ignore")
