@@ -12,8 +12,9 @@ from typing import Any
 
 import pytorch_lightning as pl
 import torch
+from pytorch_lightning.utilities import rank_zero_warn
 from torch import Tensor
-from torch.nn.utils import convert_conv2d_weight_memory_format
+from torch.nn.utils import convert_conv2d_weight_memory_format, get_total_norm
 
 from moveit6d.actions import expert_action
 from moveit6d.errors import InputError
@@ -35,10 +36,13 @@ from .losses import (
 )
 
 LOGGED = 50  # training steps between logged terms: on a GPU each is waited for
+MOST_LEFT_OUT = 20  # steps in a row
 
 
 class PoseActionModule(pl.LightningModule):
     """Trains any of `networks.kinds` on `TrainingBatch`es.
+
+    A step whose gradients are not finite is left out: the network stays as it was before.
 
     Args:
         network: the network to train; None: the one in `init_from`.
@@ -90,7 +94,9 @@ class PoseActionModule(pl.LightningModule):
         self.minutes, self._begin = minutes, time.monotonic()
         self.weight_decay, self.matching_steps = weight_decay, matching_steps
         self.weights = weights or LossWeights()
-        self.values: dict[str, Tensor] = {}  # terms of the last training step
+        self.values: dict[str, Tensor] = {}  # terms of the last training step; none if left out
+        self.left_out = 0  # steps in a row
+        self._statistics: list[Tensor] = []  # of batch normalisation, before the step
 
     def on_train_start(self) -> None:
         """Time counts from here."""
@@ -114,12 +120,41 @@ class PoseActionModule(pl.LightningModule):
 
     def training_step(self, batch: TrainingBatch, _: int) -> Tensor:
         """One loss; its terms are logged as `train/NAME`."""
+        self._statistics = [buffer.clone() for buffer in self.network.buffers()]
         loss, self.values = self._shared_step(batch)
         size = len(batch.delta)
         if self.global_step % LOGGED == 0:
             named = {f"train/{name}": value for name, value in self.values.items()}
             self.log_dict({"loss": loss, **named}, batch_size=size)
         return loss
+
+    def configure_gradient_clipping(
+        self,
+        optimizer: torch.optim.Optimizer,
+        gradient_clip_val: float | None = None,
+        gradient_clip_algorithm: str | None = None,
+    ) -> None:
+        """Clip as the trainer says; with gradients that are not finite the step changes nothing.
+
+        `InputError` after `MOST_LEFT_OUT` such steps in a row.
+        """
+        gradients = [p.grad for p in self.network.parameters() if p.grad is not None]
+        if get_total_norm(gradients).isfinite():
+            self.left_out = 0
+            self.clip_gradients(optimizer, gradient_clip_val, gradient_clip_algorithm)
+            return
+        optimizer.zero_grad(set_to_none=True)  # so that not even the momentum moves anything
+        for buffer, before in zip(self.network.buffers(), self._statistics, strict=True):
+            buffer.copy_(before)
+        terms = [name for name, value in self.values.items() if not value.isfinite().all()]
+        reason = f"{', '.join(terms)} not finite" if terms else "gradients not finite"
+        rank_zero_warn(f"Step {self.global_step} is left out: {reason}.")
+        self.values, self.left_out = {}, self.left_out + 1
+        if self.left_out == MOST_LEFT_OUT:
+            raise InputError(
+                f"The fit has left out {MOST_LEFT_OUT} steps in a row, as their gradients are not "
+                "finite: lower model.learning_rate and go on from a checkpoint or weights before."
+            )
 
     def validation_step(self, batch: TrainingBatch, _: int) -> None:
         """The same terms on held-out objects, logged as `val/NAME`."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import codecs
 import glob
+import hashlib
 import io
 import json
 import math
@@ -64,16 +65,43 @@ def write_all(file: io.RawIOBase, data: bytes) -> None:
 
 def check_writable(path: Path) -> None:
     """`InputError`, before any long work, where a file at `path` could not be written."""
-    probe = path.with_name(f".{path.name[:100]}.{os.getpid()}.probe")
+    with _said_of(path):
+        taken = path.is_dir()
+        if not taken:
+            _probe(path.parent)
+    if taken:
+        raise InputError(f"{path} is a folder; a file of that name was to be written.")
+
+
+def check_folder(path: Path) -> None:
+    """`InputError`, before any long work, where no file could be written in a folder.
+
+    Makes it if it is missing.
+    """
+    with _said_of(path):
+        _probe(path)
+
+
+@contextmanager
+def _said_of(path: Path) -> Iterator[None]:
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.is_dir():
-            raise InputError(f"{path} is a folder; a file of that name was to be written.")
-        probe.touch()
-        probe.unlink()
+        yield
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{path} cannot be written: {reason}.") from error
+
+
+def _probe(folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    probe = folder / f".{os.getpid()}.probe"
+    probe.touch()
+    probe.unlink()
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _sweep(path: Path) -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from moveit6d.cli.reporting import check_report
+from moveit6d.datasets.video import VideoFrame
+from moveit6d.errors import InputError
 from tests.support.clip import Clip
 
 Make = Callable[..., Any]
@@ -44,3 +47,22 @@ def test_a_camera_allows_no_report(
     monkeypatch.setattr(video, "open_frames", lambda source: camera)
     assert clip.track("--report", str(tmp_path / "report.html"), video="0") == 2
     assert "record it first" in capsys.readouterr().err
+
+
+class Stream:
+    """Frames that come by themselves, as `NetworkVideo` has them."""
+
+    length = fps = None
+
+    def __init__(self, live: bool) -> None:
+        self.live = live
+
+    def __iter__(self) -> Iterator[VideoFrame]:
+        return iter(())
+
+
+def test_what_can_be_seen_only_once_has_no_report(tmp_path: Path) -> None:
+    check_report(tmp_path / "page.html", Stream(live=False))
+    check_report(None, Stream(live=True))
+    with pytest.raises(InputError, match="reads the video a second time"):
+        check_report(tmp_path / "page.html", Stream(live=True))

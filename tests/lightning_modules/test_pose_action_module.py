@@ -6,6 +6,7 @@ import pytest
 import pytorch_lightning as pl
 import torch
 
+from lightning_modules import pose_action_module
 from lightning_modules.pair_data_module import PairDataModule
 from lightning_modules.pose_action_module import PoseActionModule
 from moveit6d.errors import InputError
@@ -50,3 +51,58 @@ def test_a_fit_from_weights_alone_trains_the_network_that_they_are_of(tmp_path: 
 def test_a_fit_of_nothing_is_refused() -> None:
     with pytest.raises(InputError, match=r"set model\.network or model\.init_from"):
         PoseActionModule()
+
+
+class _BrokenAt(pl.Callback):
+    """Makes a parameter's gradient infinite in some steps."""
+
+    def __init__(self, *steps: int) -> None:
+        self.steps = steps
+        self.states: list[dict[str, torch.Tensor]] = []
+
+    def on_after_backward(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        if trainer.global_step in self.steps:
+            gradient = next(p.grad for p in pl_module.parameters() if p.grad is not None)
+            gradient.fill_(float("inf"))
+
+    def on_train_batch_end(
+        self, trainer: pl.Trainer, pl_module: pl.LightningModule, *_: object
+    ) -> None:
+        state = pl_module.state_dict()
+        self.states.append({name: value.clone() for name, value in state.items()})
+
+
+def _fit(broken: _BrokenAt, steps: int) -> PoseActionModule:
+    torch.manual_seed(0)
+    module = PoseActionModule(ActionNet(), learning_rate=1e-4)
+    trainer = pl.Trainer(
+        max_steps=steps,
+        accelerator="cpu",
+        logger=False,
+        callbacks=[broken],
+        enable_checkpointing=False,
+        enable_progress_bar=False,
+        limit_val_batches=0,
+        gradient_clip_val=1.0,
+    )
+    trainer.fit(module, PairDataModule(shapes=1, batch_size=2, workers=0))
+    return module
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_step_without_finite_gradients_leaves_the_network_as_it_was() -> None:
+    broken = _BrokenAt(1)
+    module = _fit(broken, 3)
+    before, same, after = broken.states
+    assert all(torch.equal(value, same[name]) for name, value in before.items())
+    assert not all(torch.equal(value, after[name]) for name, value in before.items())
+    assert module.left_out == 0 and module.values
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_fit_of_which_every_step_is_left_out_ends_with_a_sentence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(pose_action_module, "MOST_LEFT_OUT", 2)
+    with pytest.raises(InputError, match="left out 2 steps in a row"):
+        _fit(_BrokenAt(0, 1, 2), 3)

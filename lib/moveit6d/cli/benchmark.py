@@ -9,19 +9,19 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ..synthesis.training.clusters import CLUSTERS
 from . import benchmark_detection, benchmark_tracking
 from .common import (
+    CLUSTERS,
     UNITS,
+    Setting,
     add_machine_options,
     add_tracking_options,
     add_verb,
+    make_tools,
     positive,
-    set_up,
     use_threads,
 )
 from .messages import progress
-from .settings import settings_of
 
 DESCRIPTION = """\
   moveit6d benchmark tracking   tracks whole sequences, beside rivals' results
@@ -124,7 +124,7 @@ def iteration(args: argparse.Namespace) -> int:
     from ..synthesis.objects.demo_object import demo_object
 
     mesh = demo_object() if args.mesh is None else Mesh.load(args.mesh, args.mesh_unit)
-    policy, renderer = set_up(args)
+    policy, renderer = make_tools(Setting.of(args))
     count = args.repeats + WARM_UP
     rounds = progress(range(count), count, "iteration", "iteration")
     times = time_iteration(mesh, policy, renderer, rounds)
@@ -154,7 +154,8 @@ def refinement(args: argparse.Namespace) -> int:
     paths = sorted(p for p in args.objects.glob("*") if p.suffix in (".glb", ".ply", ".obj"))
     if not paths:
         raise InputError(f"{args.objects} holds no .glb, .ply or .obj file.")
-    policy, renderer = set_up(args)
+    setting = Setting.of(args)
+    policy, renderer = make_tools(setting)
     meshes = [Mesh.load(path, "m", allow_flat=True) for path in paths]
     photos = load_photos(args.photos)
     cases = list(
@@ -168,7 +169,7 @@ def refinement(args: argparse.Namespace) -> int:
             seed=args.seed,
         )
     )
-    runs = run_cases(cases, policy, renderer, settings_of(args))
+    runs = run_cases(cases, policy, renderer, setting.config)
     found = list(progress(runs, len(cases), "refine", "case"))
     rows = []
     for name, errors in (

@@ -17,7 +17,6 @@ from .common import (
     add_jobs_options,
     add_tracking_options,
     add_verb,
-    make_tools,
     new_folder,
     versions,
     weights_facts,
@@ -108,7 +107,8 @@ def run(args: argparse.Namespace) -> int:
             new_folder(folder)
     sequences = chosen(args)
     trackers = rivals(args.rivals, sequences)
-    bench = Bench(args, [make_job(sequence, args) for sequence in sequences])
+    setting = Setting.of(args)
+    bench = Bench(args, setting, [make_job(sequence, args, setting) for sequence in sequences])
     interrupted = False
     try:
         bench.work()
@@ -156,13 +156,12 @@ def rivals(folder: Path | None, sequences: list[Sequence]) -> dict[str, dict[str
     return {name: scores for name, scores in found.items() if scores}
 
 
-def make_job(sequence: Sequence, args: argparse.Namespace) -> SequenceJob:
+def make_job(sequence: Sequence, args: argparse.Namespace, setting: Setting) -> SequenceJob:
     """The task for one sequence."""
     from ..datasets.catalog import surrogate
     from ..evaluation.protocols import PROTOCOLS as known
     from .sequence_job import SequenceJob, settings_of_track
 
-    setting = Setting.of(args)
     facts = {
         "data": " ".join(filter(None, [str(args.sequences), surrogate(args.sequences)])),
         "protocol": args.protocol,
@@ -187,8 +186,8 @@ def make_job(sequence: Sequence, args: argparse.Namespace) -> SequenceJob:
 class Bench:
     """The sequences of one command: which are done, their scores, what went wrong."""
 
-    def __init__(self, args: argparse.Namespace, jobs: list[SequenceJob]) -> None:
-        self.args, self.jobs = args, jobs
+    def __init__(self, args: argparse.Namespace, setting: Setting, jobs: list[SequenceJob]) -> None:
+        self.args, self.setting, self.jobs = args, setting, jobs
         self.levels = {job.sequence.name: job.sequence.level for job in jobs}
         self.scores: dict[str, Score] = {}
         self.errors: dict[str, str] = {}
@@ -203,7 +202,7 @@ class Bench:
             store = TrackStore(args.output)
         for done in run_sequences(
             self.jobs,
-            Setting.of(args),
+            self.setting,
             store=store,
             resume=args.resume,
             workers=Workers(args.jobs, args.ray, args.threads),
@@ -236,6 +235,7 @@ class Bench:
         """Score a track and write its page, if one is wanted that is not there."""
         from ..evaluation.sequence_scores import score_track
         from ..io import replacing
+        from ..rendering.backends import make_renderer
         from .reporting import Gathered
         from .sequence_job import page_of
 
@@ -247,7 +247,7 @@ class Bench:
             self.scores[name] = score
         text, path = found.page, None if not job.page else self.args.report / f"{name}.html"
         if kept and path is not None and not path.exists():
-            text = page_of(job, Gathered(found.rows), make_tools(job.setting)[1])
+            text = page_of(job, Gathered(found.rows), make_renderer(self.setting.renderer))
         if text is not None and path is not None:
             with replacing(path) as temporary:
                 temporary.write_text(text, encoding="utf-8")

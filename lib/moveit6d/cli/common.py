@@ -10,14 +10,13 @@ import platform
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from .. import __version__
 from ..config import TrackerConfig
 from ..errors import InputError
-from ..io import check_writable
+from ..io import check_folder, file_digest
 from .messages import add_message_options
 from .settings import DEFAULT, PREFIX, add_settings, settings_of
 from .watching import Watcher
@@ -31,6 +30,9 @@ if TYPE_CHECKING:
 DATASET_FORMATS = ("folders", "bop", "ycbv", "laval", "rbot")
 
 UNITS = ("m", "cm", "mm", "in")  # those of `geometry.mesh.METRES`, which takes seconds to import
+
+# Those of `synthesis.training.clusters`, which takes long to import, too.
+CLUSTERS = ("one_small", "one_large", "one_large_rest_small", "all_small", "all_large", "near")
 
 BAD_INPUT, NO_RENDERING, INTERRUPTED, BROKEN_PIPE = 2, 3, 130, 141
 
@@ -176,11 +178,6 @@ def make_tools(setting: Setting) -> tuple[Policy, Renderer]:
     return policy, make_renderer(setting.renderer)
 
 
-def set_up(args: argparse.Namespace) -> tuple[Policy, Renderer]:
-    """Policy and renderer by the options of `add_tracking_options`."""
-    return make_tools(Setting.of(args))
-
-
 def complaining(steps: Iterable[TrackedFrame], prefix: str = "") -> Iterator[TrackedFrame]:
     """The same steps, with a line on stderr where frames begin to fail or fail differently.
 
@@ -198,6 +195,8 @@ def complaining(steps: Iterable[TrackedFrame], prefix: str = "") -> Iterator[Tra
 
 def versions() -> dict[str, str]:
     """Versions of what decides the numbers."""
+    from importlib import metadata
+
     found = {"moveit6d": __version__, "python": platform.python_version()}
     for name in ("torch", "kornia", "numpy", "embreex", "trimesh"):
         try:
@@ -209,22 +208,17 @@ def versions() -> dict[str, str]:
 
 def weights_facts(path: Path | None) -> dict[str, str | None]:
     """The weights file by name and SHA-256; None stands for the shipped one."""
-    import hashlib
-
     from ..policies import SHIPPED_WEIGHTS
 
     file = SHIPPED_WEIGHTS if path is None else path
-    there = file.is_file()
-    return {
-        "weights": file.name,
-        "weights_sha256": hashlib.sha256(file.read_bytes()).hexdigest() if there else None,
-    }
+    digest = file_digest(file) if file.is_file() else None
+    return {"weights": file.name, "weights_sha256": digest}
 
 
-def run_facts(args: argparse.Namespace) -> dict[str, Any]:
+def run_facts(setting: Setting) -> dict[str, Any]:
     """What poses depend on by the options of `add_tracking_options`, as a journal holds it."""
-    setting = {key: str(value) for key, value in vars(Setting.of(args)).items() if key != "threads"}
-    return {"setting": setting, "weights": weights_facts(args.weights)["weights_sha256"]}
+    kept = {key: str(value) for key, value in vars(setting).items() if key != "threads"}
+    return {"setting": kept, "weights": weights_facts(setting.weights)["weights_sha256"]}
 
 
 def given(args: argparse.Namespace) -> dict[str, Any]:
@@ -252,5 +246,5 @@ def new_folder(path: Path) -> Path:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{path} cannot be made a folder: {error.strerror}.") from error
-    check_writable(path / "results")
+    check_folder(path)
     return path

@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     policy, renderer = make_tools(setting)
     store = TemplateStore(default_store())
     done: list[Estimate] = []
-    with Journal(args.output, _facts(args, images), args.resume) as journal:
+    with Journal(args.output, _facts(args, images, setting), args.resume) as journal:
         found = [[estimate_of(line) for line in entry] for entry in journal.entries]
         left = list(images.values())[len(found) :]
         done += (estimate for image in found for estimate in image)
@@ -74,7 +74,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _facts(
-    args: argparse.Namespace, images: dict[tuple[int, int], list[BopTarget]]
+    args: argparse.Namespace,
+    images: dict[tuple[int, int], list[BopTarget]],
+    setting: Setting,
 ) -> dict[str, Any]:
     """What the poses depend on: a run with other facts cannot be gone on with."""
     targets = [list(map(asdict, some)) for some in images.values()]
@@ -83,7 +85,7 @@ def _facts(
         "split": args.split,
         "targets": hashlib.sha256(json.dumps(targets).encode()).hexdigest(),
         "distance": args.distance,
-        **run_facts(args),
+        **run_facts(setting),
     }
 
 
@@ -116,14 +118,13 @@ def detect_image(
     """
     from ..datasets.bop import Estimate
     from ..estimation import PoseDetector
-    from ..estimation.detection import SearchRegion
-    from ..estimation.detection.detector import finish
+    from ..estimation.detection import SearchRegion, detect_objects
     from ..frame import prepare_frame
 
     scene, image = targets[0].scene, targets[0].image
     picture = dataset.image(scene, image)
     camera = dataset.camera(scene, image, (picture.shape[1], picture.shape[0]))
-    frame = prepare_frame(picture, camera).undistorted
+    frame = prepare_frame(picture, camera)
     region = SearchRegion.checked(camera, distance=distance)
     numbers = [
         (number, target.count or 1)
@@ -148,14 +149,12 @@ def detect_image(
     for detector, *_ in detectors:
         detector.prepare()
     begin = time.perf_counter()
-    pyramid = detectors[0][0].pyramid_of(frame) if detectors else None
-    found = [
-        (number, count, finish(detector.steps(frame, region, (), count, pyramid=pyramid)))
-        for detector, number, count in detectors
-    ]
+    detections = detect_objects(
+        [detector for detector, *_ in detectors], frame, [count for *_, count in detectors], region
+    )
     seconds = time.perf_counter() - begin
     return [
         Estimate(scene, image, number, one.probability, one.pose, seconds)
-        for number, count, detection in found
+        for (_, number, count), detection in zip(detectors, detections, strict=True)
         for one in (*detection.instances, *detection.rejected)[:count]
     ]

@@ -55,7 +55,6 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.pose_files import PoseWriter
     from ..datasets.video import ImageList, image_size
     from ..geometry.mesh import Mesh
-    from ..io import check_writable
 
     mesh = Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
     images = ImageList(tuple(args.image))
@@ -63,10 +62,10 @@ def run(args: argparse.Namespace) -> int:
         image_size(path)  # what is no image at all is said before the work
     camera, known = camera_of(args, images), _known(args)
     output = new_folder(args.output)
-    check_writable(output / "poses.csv")
-    detector = _detector(args, mesh, camera)
+    setting = Setting.of(args)
+    detector = _detector(args, setting, mesh, camera)
     single, answers = len(images.paths) == 1, list[_Answer]()
-    with Journal(output / "poses.csv", _facts_of_run(args), args.resume) as journal:
+    with Journal(output / "poses.csv", _facts_of_run(args, setting), args.resume) as journal:
         if not journal.entries:
             for name in WRITTEN:  # of an earlier run
                 (output / name).unlink(missing_ok=True)
@@ -91,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
     return _verdict(args, answers, output)
 
 
-def _facts_of_run(args: argparse.Namespace) -> dict[str, Any]:
+def _facts_of_run(args: argparse.Namespace, setting: Setting) -> dict[str, Any]:
     """What the poses depend on: a run with other facts cannot be gone on with."""
     names = (
         "mesh", "mesh_unit", "image", "camera", "fov", "instances", "box", "mask", "points",
@@ -100,7 +99,7 @@ def _facts_of_run(args: argparse.Namespace) -> dict[str, Any]:
     known = {
         key: value for key, value in given(args).items() if key in names or key.startswith(SEEDS)
     }
-    return {**known, **run_facts(args)}
+    return {**known, **run_facts(setting)}
 
 
 def _write_facts(
@@ -200,14 +199,15 @@ def _draw(path: Path, frame: VideoFrame, answer: _Answer, detector: PoseDetector
         Image.fromarray(image).save(temporary, format="PNG")
 
 
-def _detector(args: argparse.Namespace, mesh: Mesh, camera: Camera) -> PoseDetector:
+def _detector(
+    args: argparse.Namespace, setting: Setting, mesh: Mesh, camera: Camera
+) -> PoseDetector:
     """By the options."""
     from ..estimation import PoseDetector, TemplateStore
     from ..estimation.detection import default_store
 
     if args.method == "seeds" and len(args.image) > 1:
         raise InputError("--method seeds takes one --image.")
-    setting = Setting.of(args)
     policy, renderer = make_tools(setting)
     return PoseDetector(
         mesh,

@@ -107,15 +107,16 @@ def pose_of(line: Mapping[str, Any]) -> Pose:
     return Pose(turn, shift)
 
 
+_NUMBERS = ("scene", "image", "object", "score", "seconds")
+
+
 def estimate_line(estimate: Estimate) -> dict[str, Any]:
     """What a journal keeps of a line of a BOP result file, exactly."""
-    names = ("scene", "image", "object", "score", "seconds")
-    return {**{name: getattr(estimate, name) for name in names}, **pose_line(estimate.pose)}
+    return {**{name: getattr(estimate, name) for name in _NUMBERS}, **pose_line(estimate.pose)}
 
 
 def estimate_of(line: Mapping[str, Any]) -> Estimate:
     """The estimate of a journal's line."""
     from ..datasets.bop import Estimate
 
-    names = ("scene", "image", "object", "score", "seconds")
-    return Estimate(**{name: line[name] for name in names}, pose=pose_of(line))
+    return Estimate(**{name: line[name] for name in _NUMBERS}, pose=pose_of(line))

@@ -14,15 +14,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..io import check_writable, file_digest
 from .common import (
     UNITS,
     Setting,
     add_jobs_options,
     add_tracking_options,
     add_verb,
+    make_tools,
     positive,
     run_facts,
-    set_up,
     tools,
 )
 from .journal import Journal, estimate_line, estimate_of
@@ -90,21 +91,21 @@ def add_parser(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Refine image by image and write what was done, after Ctrl-C too."""
     from ..datasets.bop import BopDataset, by_image, read_results, write_results
-    from ..io import check_writable
     from ..parallel import run_jobs
 
     check_writable(args.output)
     dataset = BopDataset(args.dataset, args.split, mesh_unit=args.mesh_unit)
     initial = read_results(args.initial)
     check(dataset, initial, args.initial)
-    policy, renderer = set_up(args)
+    setting = Setting.of(args)
+    policy, renderer = make_tools(setting)
     images = list(by_image(initial))
     jobs = [
         ImageJob(
             args.dataset.resolve(),
             args.split,
             tuple(initial[row] for row in rows),
-            Setting.of(args),
+            setting,
             args.batch,
             args.mesh_unit,
         )
@@ -116,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
 
     alone = args.jobs == 1 and args.ray is None
     done: dict[int, Estimate] = {}
-    with Journal(args.output, _facts(args), args.resume) as journal:
+    with Journal(args.output, _facts(args, setting), args.resume) as journal:
         for line in journal.entries:
             done[line["row"]] = estimate_of(line)
         left = [k for k, (_, rows) in enumerate(images) if any(row not in done for row in rows)]
@@ -146,17 +147,14 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _facts(args: argparse.Namespace) -> dict[str, Any]:
+def _facts(args: argparse.Namespace, setting: Setting) -> dict[str, Any]:
     """What the poses depend on: a run with other facts cannot be gone on with."""
-    import hashlib
-
-    initial = hashlib.sha256(args.initial.read_bytes()).hexdigest()
     return {
         "dataset": str(args.dataset.resolve()),
         "split": args.split,
         "mesh_unit": args.mesh_unit,
-        "initial": initial,
-        **run_facts(args),
+        "initial": file_digest(args.initial),
+        **run_facts(setting),
     }
 
 

@@ -42,13 +42,13 @@ class Gathered:
 
 def check_report(path: Path | None, frames: FrameSource) -> None:
     """Refuse a report of a live camera, whose frames cannot be seen again."""
-    from ..datasets.video import LiveCamera
+    from ..datasets.video import is_live
     from ..io import check_writable
 
     if path is not None:
         require("report", "--report")
         check_writable(path)
-    if path is not None and isinstance(frames, LiveCamera):
+    if path is not None and is_live(frames):
         raise InputError(
             "--report reads the video a second time, which a camera does not allow; record it "
             "first, or use --rerun."

@@ -5,7 +5,6 @@ Never knows of other sequences and never scores for a table.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
@@ -23,6 +22,7 @@ from ..evaluation.runner import (
     run_all,
     track,
 )
+from ..io import file_digest
 from .common import Setting, complaining, make_tools, tools, versions, weights_facts
 from .messages import progress
 from .reporting import Gathered, rerun_log, sequence_page
@@ -153,4 +153,4 @@ def _drawn(
 
 def _sha256(path: Path) -> str | None:
     """Of a file, None without one."""
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
+    return file_digest(path) if path.is_file() else None

@@ -149,7 +149,7 @@ def run(args: argparse.Namespace) -> int:
     """Track and write."""
     from ..datasets.live import Latest
     from ..datasets.pose_files import PoseWriter, track_columns
-    from ..datasets.video import Prefetched, open_frames
+    from ..datasets.video import Prefetched, is_live, open_frames
     from ..estimation import PoseTracker, TemplateStore
     from ..estimation.detection import default_store
     from ..evaluation.run_tracker import TrackSummary, calibrating, run_tracker
@@ -162,7 +162,7 @@ def run(args: argparse.Namespace) -> int:
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
     # What is live and read ahead would show the past.
-    ahead = iter(Latest(frames) if getattr(frames, "live", False) else Prefetched(frames))
+    ahead = iter(Latest(frames) if is_live(frames) else Prefetched(frames))
     if wants_paint(args, meshes, setting.config.keyframes.enabled):
         first, ahead = peek(ahead)
         meshes = painted(meshes, starts, first, camera, setting.config.texture)

@@ -62,6 +62,11 @@ class FrameSource(Protocol):
     def __iter__(self) -> Iterator[VideoFrame]: ...
 
 
+def is_live(frames: FrameSource) -> bool:
+    """Whether frames come by themselves, each only once: from a camera, here or in the net."""
+    return bool(getattr(frames, "live", False))
+
+
 def open_frames(source: str | Path | int) -> FrameSource:
     """The frames of a folder, a video file, an address (rtsp://…), or the camera with that index.
 

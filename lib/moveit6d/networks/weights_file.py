@@ -6,7 +6,6 @@ Never downloads and never runs anything found in a file.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +18,7 @@ from safetensors.torch import save_file
 from ..checks import DAMAGE
 from ..errors import WeightsError
 from ..geometry.crop import Crop
-from ..io import replacing
+from ..io import file_digest, replacing
 from .kinds import KINDS, PoseNet
 
 FORMAT = "moveit6d-1"
@@ -88,8 +87,7 @@ def load_network(path: Path) -> LoadedNetwork:
     if not all(torch.isfinite(value).all() for value in tensors.values()):
         raise WeightsError(f"Weights file {path} holds numbers that are not finite.")
     facts = {k: v for k, v in header.items() if k not in ("format", "config")}
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return LoadedNetwork(network.eval(), facts, digest)
+    return LoadedNetwork(network.eval(), facts, file_digest(path))
 
 
 def _config(header: dict[str, str], config_class: type[Any], count: int) -> Any:

@@ -381,11 +381,15 @@ def finish(steps: Steps) -> Detection:
 
 
 def detect_objects(
-    detectors: Sequence[PoseDetector], image: ImageLike | Frame, counts: Sequence[int] | None = None
+    detectors: Sequence[PoseDetector],
+    image: ImageLike | Frame,
+    counts: Sequence[int] | None = None,
+    region: SearchRegion | None = None,
 ) -> list[Detection]:
     """Several objects in one image, each with its own detector of one policy and camera.
 
-    The image is described once for all of them. `counts` are the most instances of each.
+    The image is described once for all of them. `counts` are the most instances of each, `region`
+    is where they are looked for, of the image without its lens.
     """
     if not detectors:
         return []
@@ -393,6 +397,6 @@ def detect_objects(
     pyramid = detectors[0].pyramid_of(frame)
     numbers = [1] * len(detectors) if counts is None else list(counts)
     return [
-        finish(detector.steps(frame, instances=count, pyramid=pyramid))
+        finish(detector.steps(frame, region, instances=count, pyramid=pyramid))
         for detector, count in zip(detectors, numbers, strict=True)
     ]
