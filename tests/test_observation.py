@@ -28,7 +28,7 @@ def test_an_observation_is_crop_and_rendering_in_one_view(brick: Mesh, crop: Cro
     assert len(found) == 2 and 0 < found.mask.mean() < 1
     view = view_of(pose, size, crop)
     for row in range(2):
-        one = View(view.rotation[row], view.intrinsics[row], view.distance[row])
+        one = view[row]
         expected = crop_patch(frame.pixels, one, CAMERA.matrix)
         torch.testing.assert_close(found.image[row], expected)
     assert (found.depth * (1 - found.mask) == 0).all()

@@ -79,8 +79,7 @@ one_refinement() { # "CLUSTER COVERED" and further options
 options() {
     local start
     printf '# What single options bring\n\nThe shipped network in the paper'"'"'s mode of single actions; '
-    printf 'without other starts in doubt; without what the first frame teaches; without the last word '
-    printf 'of the outline as well.\n\n'
+    printf 'without multi-start refinement; without calibration; without contour refinement as well.\n\n'
     for start in "all_small 0" "all_large 0"; do
         one_refinement "$start" --no_contour
         one_refinement "$start" --no_contour --mode single
@@ -93,7 +92,7 @@ single_actions() {
     local data=$shared/data/real/lmo_dev start
     local mode=(--mode single --no_contour)
     printf '# The paper'"'"'s policy: one of 13 actions an iteration\n\nThe shipped network without what goes '
-    printf 'past the paper: outline, search, and what the first frame teaches.\n\n'
+    printf 'past the paper: contour refinement, multi-start refinement and calibration.\n\n'
     both_tracked "${mode[@]}" --no_calibration
     for start in small large keypoint_rgb; do
         run refine --dataset "$data" --split test --initial "$data/initial_$start.csv" \

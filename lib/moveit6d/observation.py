@@ -87,7 +87,7 @@ def observe(
     """
     view = view_of(pose, sphere_diameter, crop)
     crops = [
-        crop_patch(frame.pixels, _one(view, row), frame.intrinsics, frame.camera.lens)
+        crop_patch(frame.pixels, view[row], frame.intrinsics, frame.camera.lens)
         for row, frame in enumerate(frames)
     ]
     gbuffer = renderer.render(meshes, view.to_virtual(pose), view.intrinsics)
@@ -100,7 +100,7 @@ def observe_shared(
     """Crops (B) of one frame beside one rendering (1) that is the same in every view."""
     count = len(sphere_diameter)
     matrix, lens = frame.intrinsics, frame.camera.lens
-    crops = [crop_patch(frame.pixels, _one(view, row), matrix, lens) for row in range(count)]
+    crops = [crop_patch(frame.pixels, view[row], matrix, lens) for row in range(count)]
     parts = (gbuffer.albedo, gbuffer.normal, gbuffer.depth, gbuffer.mask)
     shared = GBuffer(*(part.expand(count, -1, -1, -1) for part in parts))
     return assemble(torch.stack(crops), shared, view, sphere_diameter)
@@ -117,7 +117,3 @@ def assemble(patches: Tensor, gbuffer: GBuffer, view: View, sphere_diameter: Ten
     depth = (gbuffer.depth - distance[:, None, None, None]) / diameter[:, None, None, None]
     rendering = shade_plain(gbuffer).clamp(0, 1)
     return Observation(patches, rendering, depth * gbuffer.mask, gbuffer.mask, distance / diameter)
-
-
-def _one(view: View, row: int) -> View:
-    return View(view.rotation[row], view.intrinsics[row], view.distance[row])

@@ -38,7 +38,9 @@ def near(brick: Mesh) -> Target:
 def test_only_pose_and_time_change(near: Target) -> None:
     (start,) = starts_of([near])
     given = Refined(start.centred, 3, StopReason.STOP_ACTION, 0.7, 5.0)
-    found, histograms = refine_result(start, given, make_renderer(), ContourConfig())
+    found, histograms = refine_result(
+        start.frame, start.mesh, given, make_renderer(), ContourConfig()
+    )
     assert found.centred is not None
     assert off(near.mesh.outer(found.centred), near.mesh) < 0.8 * off(near.pose, near.mesh)
     assert found.milliseconds > 5.0 and histograms is not None
@@ -50,7 +52,8 @@ def test_only_pose_and_time_change(near: Target) -> None:
 def test_a_failed_result_stays(near: Target) -> None:
     (start,) = starts_of([near])
     failed = Refined(None, 1, StopReason.FAILED, 0.0, 5.0, "lost")
-    assert refine_result(start, failed, make_renderer(), ContourConfig()) == (failed, None)
+    found = refine_result(start.frame, start.mesh, failed, make_renderer(), ContourConfig())
+    assert found == (failed, None)
 
 
 def test_an_estimator_polishes_unless_it_is_told_not_to(near: Target) -> None:

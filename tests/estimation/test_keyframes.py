@@ -259,3 +259,9 @@ def test_settings_that_cannot_be_are_refused() -> None:
         KeyframeConfig(count=0)
     with pytest.raises(InputError, match="spread and reach positive"):
         KeyframeConfig(spread=0.0)
+    with pytest.raises(InputError, match="hidden and depth_edge must be positive"):
+        KeyframeConfig(hidden=0.0)
+    with pytest.raises(InputError, match="facing must be two numbers, the smaller first"):
+        KeyframeConfig(facing=(0.35, 0.15))
+    with pytest.raises(InputError, match="gain must be two positive numbers"):
+        KeyframeConfig(gain=(0.0, 5.0))

@@ -46,7 +46,7 @@ class Finder:
         if self.searches < self.finds:
             return Detection(())
         result = TrackingResult(POSE, 1, StopReason.MAX_ITERATIONS, 0.9, 1.0)
-        return Detection((FoundPose(result, 0.9, Evidence(0.9, 0.9)),))
+        return Detection((FoundPose(result, Evidence(0.9, 0.9)),))
 
 
 def supervisor(finder: Finder, **options: Any) -> Supervisor:
@@ -58,7 +58,7 @@ def test_near_first_then_the_whole_image_now_and_then() -> None:
     finder = Finder(length=5, finds=4)
     one = supervisor(finder, interval=3)
     assert not one.lost
-    assert one.judged(failed(), 0.0).state is TrackingState.LOST and one.lost
+    assert one.assessed(failed(), 0.0).state is TrackingState.LOST and one.lost
     found = [one.search(FRAME, POSE) is not None for _ in range(10)]
     # Near at once, then everywhere in every third frame.
     assert finder.near == [True, False, False, False]
@@ -68,7 +68,7 @@ def test_near_first_then_the_whole_image_now_and_then() -> None:
 def test_a_search_may_take_several_frames() -> None:
     finder = Finder(length=5, finds=1)
     one = supervisor(finder, max_milliseconds=0.0)
-    one.judged(failed(), 0.0)
+    one.assessed(failed(), 0.0)
     found = [one.search(FRAME, POSE) is not None for _ in range(6)]
     assert finder.searches == 1 and found == [False] * 5 + [True]
 
@@ -76,11 +76,11 @@ def test_a_search_may_take_several_frames() -> None:
 def test_a_lost_object_has_no_pose_but_a_reason() -> None:
     one = supervisor(Finder(1, 1))
     wrong = TrackingResult(POSE, 3, StopReason.STOP_ACTION, 0.1, 5.0)
-    result = one.judged(wrong, 0.0)
+    result = one.assessed(wrong, 0.0)
     assert result.pose is None and result.state is TrackingState.LOST and result.error
     # Without a detector it is only said.
     kept = Supervisor(None, RecoveryConfig(states=StateConfig(frames_to_lose=1)), True)
-    result = kept.judged(wrong, 0.0)
+    result = kept.assessed(wrong, 0.0)
     assert result.pose is POSE and result.state is TrackingState.LOST and not kept.lost
 
 
@@ -106,8 +106,6 @@ def test_gone_and_back(scene: Any, policy: Any) -> None:
     assert states[-1] == "tracking" and results[-1].pose is not None
     error = (results[-1].pose.translation - scene.pose(6).translation).norm()
     assert float(error) < 0.05 * scene.mesh.diameter
-    events = tracker.supervisors[0].machine.events()
-    assert [event["state"] for event in events][-1] == "tracking"
 
 
 def test_without_a_start_the_object_is_looked_for(scene: Any, policy: Any) -> None:
@@ -147,7 +145,7 @@ def test_two_objects_have_states_of_their_own(
 def test_a_time_limit_leaves_no_frame_without_a_search() -> None:
     finder = Finder(length=2, finds=3)
     one = supervisor(finder, max_milliseconds=0.0, interval=10)
-    one.judged(failed(), 0.0)
+    one.assessed(failed(), 0.0)
     found = [one.search(FRAME, POSE) is not None for _ in range(9)]
     assert finder.searches == 3 and found == [False] * 8 + [True]
 
@@ -155,7 +153,7 @@ def test_a_time_limit_leaves_no_frame_without_a_search() -> None:
 def test_a_lost_object_costs_few_searches() -> None:
     finder = Finder(length=5, finds=99)
     one = supervisor(finder)
-    one.judged(failed(), 0.0)
+    one.assessed(failed(), 0.0)
     for _ in range(41):
         one.search(FRAME, POSE)
     assert finder.near == [True, False, False, False, False]

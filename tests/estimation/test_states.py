@@ -6,7 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from moveit6d.config import StateConfig
+from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.estimation.states import StateMachine, TrackingState, probability_of
+from moveit6d.evaluation.run_tracker import TrackSummary
 
 CONFIG = StateConfig(confirmed=0.6, doubted=0.4, rejected=0.2, frames_to_lose=3, frames_to_find=2)
 
@@ -35,13 +37,14 @@ def test_a_lost_object_comes_back_by_confirmation() -> None:
 
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=40))
 def test_events_tell_the_states(probabilities: list[float]) -> None:
-    machine = StateMachine(CONFIG)
-    found = [str(machine.update(p)) for p in probabilities]
+    found = states(*probabilities)
+    summary = TrackSummary()
+    for number, state in enumerate(found):
+        summary.add_row(PoseRow(number, state=state))
     told = []
-    for event in machine.events():
-        last = len(found) - 1 if event["last"] is None else event["last"]
-        assert isinstance(last, int) and isinstance(event["first"], int)
-        told += [event["state"]] * (last - event["first"] + 1)
+    for event in summary.events:
+        assert isinstance(event["last"], int) and isinstance(event["first"], int)
+        told += [event["state"]] * (event["last"] - event["first"] + 1)
     assert told == found
 
 

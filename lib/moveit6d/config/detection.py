@@ -73,6 +73,10 @@ class MatchConfig:
         same_place: peaks nearer than this, in widths of the object, are one place if their widths
             are also the same.
         same_width: largest ratio of two widths that count as the same.
+        min_spread: smallest spread of a template's score, in means of all templates' spreads: one
+            that scores nearly the same everywhere must not stand out by its small spread.
+        shortlist: how many times as many peaks of a level as `places`, and views of a place as
+            `views`, are looked at before they are thinned and scored again.
     """
 
     widths: tuple[float, float] = (0.1, 0.75)
@@ -86,6 +90,8 @@ class MatchConfig:
     reach: int = 2
     same_place: float = 0.35
     same_width: float = 1.43
+    min_spread: float = 0.2
+    shortlist: int = 4
 
     def __post_init__(self) -> None:
         low, high = self.widths
@@ -102,6 +108,11 @@ class MatchConfig:
             raise InputError(
                 "MatchConfig: samples must be 2 or more, reach 0 or more and same_width 1 or more, "
                 f"found {self.samples}, {self.reach} and {self.same_width}."
+            )
+        if self.min_spread < 0 or self.shortlist < 1:
+            raise InputError(
+                "MatchConfig: min_spread must be 0 or more and shortlist 1 or more, found "
+                f"{self.min_spread} and {self.shortlist}."
             )
 
 

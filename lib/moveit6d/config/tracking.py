@@ -196,6 +196,15 @@ class KeyframeConfig:
         spread: degrees that the side a new one shows is turned from those of all others, at least.
         reach: degrees from the side that is seen, up to which keyframes are looked at.
         min_confidence: a frame of less is no keyframe.
+        hidden: a point so far off the surface that a keyframe saw, in diameters, was hidden.
+        depth_edge: a jump of depth from one pixel to the next by more, in diameters, is an edge.
+        facing: cosines to the viewing ray between which the weight of a surface rises from 0 to 1.
+        edge_margin: distances from an edge, where colours mix, between which it does, in pixels of
+            a keyframe (two to one of the crop).
+        enough: later keyframes are left out where older ones show such a share of the object.
+        min_pixels: pixels of the crop; with fewer remembered ones a rendering stays as it is.
+        gain: smallest and largest factor by which the mesh's colours are matched to the remembered
+            ones.
     """
 
     enabled: bool = False
@@ -203,12 +212,36 @@ class KeyframeConfig:
     spread: float = 25.0
     reach: float = 60.0
     min_confidence: float = 0.8
+    hidden: float = 0.015
+    depth_edge: float = 0.04
+    facing: tuple[float, float] = (0.15, 0.35)
+    edge_margin: tuple[float, float] = (0.5, 2.0)
+    enough: float = 0.6
+    min_pixels: float = 50.0
+    gain: tuple[float, float] = (0.2, 5.0)
 
     def __post_init__(self) -> None:
         if self.count < 1 or not self.spread > 0 or not self.reach > 0:
             raise InputError(
                 "KeyframeConfig: count must be 1 or more, spread and reach positive, found "
                 f"{self.count}, {self.spread} and {self.reach}."
+            )
+        if not self.hidden > 0 or not self.depth_edge > 0:
+            raise InputError(
+                "KeyframeConfig: hidden and depth_edge must be positive, found "
+                f"{self.hidden} and {self.depth_edge}."
+            )
+        for name in ("facing", "edge_margin"):
+            low, high = getattr(self, name)
+            if not low < high:
+                raise InputError(
+                    f"KeyframeConfig: {name} must be two numbers, the smaller first, found "
+                    f"{low} and {high}."
+                )
+        if not 0 < self.gain[0] <= self.gain[1]:
+            raise InputError(
+                "KeyframeConfig: gain must be two positive numbers, the smaller first, found "
+                f"{self.gain[0]} and {self.gain[1]}."
             )
 
 

@@ -28,7 +28,7 @@ DEFAULT = ContourConfig()
 
 @dataclass(frozen=True)
 class ContourRefinement:
-    """A pose after the refinement, and what the image teaches there.
+    """A pose after the refinement, how well it fits the image, and the colours there.
 
     `pose` is unbatched, centred and float64; `agreement` in [0, 1] is the share of the contour
     where colours change sharply and in the right place; `histograms` are the image's own at that
@@ -41,8 +41,8 @@ class ContourRefinement:
 
 
 @dataclass(frozen=True)
-class _Place:
-    """Where the object stands in the virtual camera of the given pose, and how far from there.
+class _VirtualPose:
+    """A pose in the virtual camera of the given pose, and how far it is from that.
 
     `moved` (6,) is the delta so far; steps this small add up. Plain arrays: torch would spend
     longer on a dozen numbers than all the rest takes.
@@ -52,43 +52,38 @@ class _Place:
     centre: Float64  # (3,)
     moved: Float64  # (6,)
 
-    def step(self, delta: Float64, focal: float) -> _Place:
-        """The place after an update by a delta (6,), as `PoseAction.apply_centred` has it."""
+    def step(self, delta: Float64, focal: float) -> _VirtualPose:
+        """The pose after an update by a delta (6,), as `PoseAction.apply_centred` has it."""
         import cv2
 
         turn = cv2.Rodrigues(np.deg2rad(delta[3:]))[0]
         aside = np.append(delta[:2] * self.centre[2] / focal, 0.0)
         centre = (self.centre + aside) * OBJECT_SIZE / (OBJECT_SIZE + delta[2])
-        return _Place(turn @ self.rotation, centre, self.moved + delta)
+        return _VirtualPose(turn @ self.rotation, centre, self.moved + delta)
 
     def pose(self) -> Pose:
-        """The pose in the virtual camera's frame."""
+        """The same as tensors."""
         return Pose(torch.from_numpy(self.rotation), torch.from_numpy(self.centre))
 
 
 @dataclass(frozen=True)
-class _Sight:
-    """The patch that the virtual camera of the given pose sees; everything happens in it."""
+class _Patch:
+    """The patch that the virtual camera of the given pose sees; all is computed in it."""
 
     mesh: Mesh
     renderer: Renderer
     view: View
-    patch: RGBImage  # (H, W, 3)
+    image: RGBImage  # (H, W, 3)
     seen: Mask  # (H, W), False outside of the image
 
-    def place(self, pose: Pose) -> _Place:
+    def virtual(self, pose: Pose) -> _VirtualPose:
         """A centred pose of the real camera, from which nothing has moved yet."""
-        virtual = self.view.to_virtual(pose)
-        return _Place(virtual.rotation.numpy(), virtual.translation.numpy(), np.zeros(6))
+        turned = self.view.to_virtual(pose)
+        return _VirtualPose(turned.rotation.numpy(), turned.translation.numpy(), np.zeros(6))
 
-    def render(self, place: _Place) -> tuple[Mask, Float32]:
+    def render(self, current: _VirtualPose) -> tuple[Mask, Float32]:
         """Mask and depth (H, W)."""
-        pose = place.pose()
-        buffer = self.renderer.render(
-            [self.mesh],
-            Pose(pose.rotation[None], pose.translation[None]),
-            self.view.intrinsics[None],
-        )
+        buffer = self.renderer.render([self.mesh], current.pose()[None], self.view.intrinsics[None])
         return buffer.mask[0, 0].numpy() > 0, buffer.depth[0, 0].numpy()
 
 
@@ -107,25 +102,25 @@ def refine_contour(
     `histograms` are what the object and its surroundings looked like before; without them those of
     this very image at the given pose must do.
     """
-    sight = _look(image, intrinsics, mesh, pose, renderer, lens)
-    place = sight.place(pose)
-    mask, depth = sight.render(place)
-    known = histograms or estimate_histograms(sight.patch, mask, sight.seen, config)
+    patch = _crop(image, intrinsics, mesh, pose, renderer, lens)
+    current = patch.virtual(pose)
+    mask, depth = patch.render(current)
+    known = histograms or estimate_histograms(patch.image, mask, patch.seen, config)
     if known is None:
         return ContourRefinement(pose, 0.0, None)
-    odds, agreement = known.log_odds(sight.patch, sight.seen, config), 0.0
+    odds, agreement = known.log_odds(patch.image, patch.seen, config), 0.0
     for turn, scales in enumerate(config.scales):
         if turn:
-            mask, depth = sight.render(place)
+            mask, depth = patch.render(current)
         contour = find_contour(mask, config.lines, config.normal_blur)
         if contour is None or len(contour.points) < config.min_lines:
             return ContourRefinement(pose, 0.0, None)
-        focal = float(sight.view.intrinsics[0, 0])
-        place, agreement = _fit(odds, contour, depth, place, focal, scales, config)
-    if not np.abs(place.moved).max() <= config.max_delta:  # nor numbers that are not finite
+        focal = float(patch.view.intrinsics[0, 0])
+        current, agreement = _fit(odds, contour, depth, current, focal, scales, config)
+    if not np.abs(current.moved).max() <= config.max_delta:  # nor numbers that are not finite
         return ContourRefinement(pose, 0.0, None)
-    found = sight.view.to_real(place.pose())
-    after = estimate_histograms(sight.patch, mask, sight.seen, config)
+    found = patch.view.to_real(current.pose())
+    after = estimate_histograms(patch.image, mask, patch.seen, config)
     return ContourRefinement(found, agreement, after)
 
 
@@ -142,24 +137,24 @@ def histograms_at(
 
     None if there is too little to see.
     """
-    sight = _look(image, intrinsics, mesh, pose, renderer, lens)
-    mask, _ = sight.render(sight.place(pose))
-    return estimate_histograms(sight.patch, mask, sight.seen, config)
+    patch = _crop(image, intrinsics, mesh, pose, renderer, lens)
+    mask, _ = patch.render(patch.virtual(pose))
+    return estimate_histograms(patch.image, mask, patch.seen, config)
 
 
-def _look(
+def _crop(
     image: Tensor,
     intrinsics: Tensor,
     mesh: Mesh,
     pose: Pose,
     renderer: Renderer,
     lens: Lens | None,
-) -> _Sight:
+) -> _Patch:
     """Cut the patch out of the image."""
     view = look_at(pose, torch.tensor(mesh.sphere_diameter, dtype=torch.float64))
     patch = crop_patch(image, view, intrinsics, lens)
     picture = (patch * 255).round().clamp(0, 255).to(torch.uint8).permute(1, 2, 0).numpy()
-    return _Sight(
+    return _Patch(
         mesh,
         renderer,
         view,
@@ -179,31 +174,31 @@ def _fit(
     odds: Float32,
     contour: Contour,
     depth: Float32,
-    place: _Place,
+    current: _VirtualPose,
     focal: float,
     scales: tuple[int, ...],
     config: ContourConfig,
-) -> tuple[_Place, float]:
-    """The place after one step a scale, with the contour of one rendering; and the agreement."""
+) -> tuple[_VirtualPose, float]:
+    """The pose after one step a scale, with the contour of one rendering; and the agreement."""
     middle = (PATCH_SIZE - 1) / 2
     z = depth[tuple(contour.inside.T)].astype(np.float64)
     points = np.column_stack([(contour.points - middle) / focal * z[:, None], z])
-    on_object = (points - place.centre) @ place.rotation
+    on_object = (points - current.centre) @ current.rotation
     agreement = 0.0
     for scale in scales:
-        points = on_object @ place.rotation.T + place.centre
+        points = on_object @ current.rotation.T + current.centre
         pixels = points[:, :2] / points[:, 2:] * focal + middle
         mean, variance = contour_distances(odds, pixels, contour.normals, scale, config)
-        slope = (jacobian(points, place.centre, focal) * contour.normals[:, :, None]).sum(1)
+        slope = (jacobian(points, current.centre, focal) * contour.normals[:, :, None]).sum(1)
         weight = contour.lengths * config.lines / len(mean) / (config.correlation * variance)
         weight /= 1 + (mean / config.outlier) ** 2
-        place = place.step(_solve(slope, weight, mean, place.moved, config), focal)
+        current = current.step(_solve(slope, weight, mean, current.moved, config), focal)
         # Half of the variance that a line has if all distances are as likely.
         sharp = variance < (config.reach * scale) ** 2 / 6
         agreement = float(
             np.average(sharp & (np.abs(mean) < config.agreement_error), weights=contour.lengths)
         )
-    return place, agreement
+    return current, agreement
 
 
 def _solve(

@@ -10,18 +10,21 @@ from dataclasses import replace
 
 from ..config import ContourConfig
 from ..contour import ColourHistograms, refine_contour
+from ..frame import Frame
+from ..geometry.mesh import Mesh
 from ..rendering.renderer import Renderer
-from .results import Refined, Start
+from .results import Refined
 
 
 def refine_result(
-    start: Start,
+    frame: Frame,
+    mesh: Mesh,
     result: Refined,
     renderer: Renderer,
     config: ContourConfig,
     histograms: ColourHistograms | None = None,
 ) -> tuple[Refined, ColourHistograms | None]:
-    """A start's result after contour refinement, and the colour histograms of the image there.
+    """A result in a frame after contour refinement, and the frame's colour histograms there.
 
     `histograms` are those of frames before; without them the image's own must do. A failed result
     stays as it is, and so does every result if the refinement is not enabled.
@@ -29,11 +32,10 @@ def refine_result(
     if result.centred is None or not config.enabled:
         return result, None
     begin = time.perf_counter()
-    frame = start.frame
     found = refine_contour(
         frame.pixels,
         frame.intrinsics,
-        start.mesh,
+        mesh,
         result.centred,
         renderer,
         histograms,

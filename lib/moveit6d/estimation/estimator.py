@@ -102,7 +102,7 @@ def refine_single(
     if config.loop.augment and mode_of(policy, config.loop.mode) is ActionMode.ALL_AXES:
         refined = _augmented(starts, refined, policy, renderer, config.loop)
     return [
-        refine_result(start, one, renderer, config.contour)[0].result(start.mesh)
+        refine_result(start.frame, start.mesh, one, renderer, config.contour)[0].result(start.mesh)
         for start, one in zip(starts, refined, strict=True)
     ]
 

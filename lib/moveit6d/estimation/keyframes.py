@@ -8,7 +8,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
+import numpy as np
 import torch
 from kornia.geometry.transform import remap
 from torch import Tensor
@@ -20,69 +22,75 @@ from ..geometry.crop import PATCH_SIZE, Crop, View, crop_patch, look_at, patch_p
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..observation import Observation
+from ..rendering.attributes import pixel_rays
 from ..rendering.renderer import Renderer
 
 ZOOM = 2  # pixels of a keyframe to one of a crop, each way: the fine stage shows it enlarged
 SIZE = ZOOM * PATCH_SIZE
-HIDDEN = 0.015  # of the diameter: as far off the surface that a keyframe saw a point was hidden
-STEP = 0.04  # of the diameter: a jump of depth from one pixel to the next is an edge
-SLANTED, FACING = 0.15, 0.35  # cosine to the viewing ray: weight from none to all
-EDGE = 0.5, 2.0  # pixels of a keyframe from an edge, where colours mix: weight from none to all
-ENOUGH = 0.6  # of an object's picture: later keyframes are left out where older ones show so much
-LEAST = 50.0  # pixels of a crop: with fewer remembered ones a rendering stays as it is
-GAIN = 0.2, 5.0  # least and largest by which the mesh's colours are matched to those remembered
+DEFAULT = KeyframeConfig()
 
 
 @dataclass(frozen=True)
 class Keyframe:
     """A frame's picture of an object at a known pose.
 
-    `picture` (3, S, S) in [0, 1] is a look-at crop, `weight` (1, S, S) in [0, 1] says where it
-    shows the surface well, `depth` (1, S, S) in metres is the mesh's. `pose` is centred, float64,
-    in the frame of the crop's camera; `intrinsics` (3, 3) are that camera's.
+    `layers` (4, S, S) are a `picture` and a `weight`, `depth` (1, S, S) in metres is the mesh's.
+    `pose` is centred, float64, in the frame of the crop's camera; `intrinsics` (3, 3) are that
+    camera's.
     """
 
-    picture: Tensor
-    weight: Tensor
+    layers: Tensor
     depth: Tensor
     pose: Pose
     intrinsics: Tensor
 
+    @property
+    def picture(self) -> Tensor:
+        """A look-at crop (3, S, S) in [0, 1]."""
+        return self.layers[:3]
+
+    @property
+    def weight(self) -> Tensor:
+        """Where the picture shows the surface well: (1, S, S) in [0, 1]."""
+        return self.layers[3:]
+
+    @cached_property
+    def side(self) -> Tensor:
+        """From the object towards the camera: a unit vector (3,) in the centred frame."""
+        return _towards_camera(self.pose)
+
     @staticmethod
-    def take(frame: Frame, mesh: Mesh, centred: Pose, renderer: Renderer) -> Keyframe:
+    def take(
+        frame: Frame,
+        mesh: Mesh,
+        centred: Pose,
+        renderer: Renderer,
+        config: KeyframeConfig = DEFAULT,
+    ) -> Keyframe:
         """What a frame shows of an object at a centred pose."""
         view = _enlarged(look_at(centred, torch.tensor(mesh.sphere_diameter).double()))
         pose = view.to_virtual(centred)
-        buffer = renderer.render(
-            [mesh],
-            Pose(pose.rotation[None], pose.translation[None]),
-            view.intrinsics[None],
-            SIZE,
-        )
+        buffer = renderer.render([mesh], pose[None], view.intrinsics[None], SIZE)
         depth = buffer.depth[0]
         rays = _rays(view.intrinsics, SIZE)
         facing = -(buffer.normal[0] * rays).sum(0, keepdim=True) / rays.norm(dim=0, keepdim=True)
-        weight = _ramp(facing, SLANTED, FACING) * _off_edges(depth, mesh.sphere_diameter)
-        lens = frame.camera.lens
-        return Keyframe(
-            crop_patch(frame.pixels, view, frame.intrinsics, lens, SIZE),
-            weight * _in_image(frame, view),
-            depth,
-            pose,
-            view.intrinsics,
-        )
+        weight = _ramp(facing, *config.facing) * _off_edges(depth, mesh.sphere_diameter, config)
+        picture = crop_patch(frame.pixels, view, frame.intrinsics, frame.camera.lens, SIZE)
+        layers = torch.cat([picture, weight * _in_image(frame, view)])
+        return Keyframe(layers, depth, pose, view.intrinsics)
 
-    def look_up(self, points: Tensor, diameter: float) -> tuple[Tensor, Tensor]:
+    def look_up(
+        self, points: Tensor, diameter: float, config: KeyframeConfig = DEFAULT
+    ) -> tuple[Tensor, Tensor]:
         """Colours (3, H, W) and weights (1, H, W) of points (3, H, W) in the centred frame."""
         turn, shift = self.pose.rotation.float(), self.pose.translation.float()
         placed = torch.einsum("ij,jhw->ihw", turn, points) + shift[:, None, None]
         projected = torch.einsum("ij,jhw->ihw", self.intrinsics.float(), placed)
         u, v = (projected[:2] / projected[2:].clamp(min=1e-6)).unbind()
-        both = torch.cat([self.picture, self.weight])
-        found: Tensor = remap(both[None], u[None], v[None], align_corners=True)[0]
+        found: Tensor = remap(self.layers[None], u[None], v[None], align_corners=True)[0]
         grid = torch.stack([u, v], -1)[None] * (2 / (SIZE - 1)) - 1
         depth = functional.grid_sample(self.depth[None], grid, "nearest", align_corners=True)[0]
-        seen = (placed[2:] - depth).abs() < HIDDEN * diameter
+        seen = (placed[2:] - depth).abs() < config.hidden * diameter
         return found[:3], found[3:] * seen
 
 
@@ -97,7 +105,8 @@ class KeyframeMemory:
         """Whether a frame is to be kept: a confident one, from a side not yet known."""
         if confidence < self.config.min_confidence or len(self.kept) >= self.config.count:
             return False
-        return all(_angle(one.pose, centred) > self.config.spread for one in self.kept)
+        side = _towards_camera(centred)
+        return all(_angle(one.side, side) > self.config.spread for one in self.kept)
 
     def add(self, new: Keyframe) -> KeyframeMemory:
         """These and one more."""
@@ -110,7 +119,8 @@ class KeyframeMemory:
         later ones add what it did not see. A track that always compared with its newest would
         drift.
         """
-        return [one for one in self.kept if _angle(one.pose, centred) < self.config.reach]
+        side = _towards_camera(centred)
+        return [one for one in self.kept if _angle(one.side, side) < self.config.reach]
 
 
 def recall(
@@ -134,37 +144,37 @@ def recall(
     for row in rows:
         known = keyframes[row]
         assert known is not None
+        config, sphere = known.config, meshes[row].sphere_diameter
         middle, size = view.distance[row].float(), sphere_diameter[row].float()
         placed = _rays(view.intrinsics[row], PATCH_SIZE) * (observation.depth[row] * size + middle)
         turn, shift = virtual.rotation[row].float(), virtual.translation[row].float()
         points = torch.einsum("ji,jhw->ihw", turn, placed - shift[:, None, None])
         colour, total = torch.zeros_like(rendering[row]), torch.zeros_like(observation.mask[row])
-        for one in known.near(Pose(pose.rotation[row], pose.translation[row])):
-            found, weight = one.look_up(points, meshes[row].sphere_diameter)
+        for one in known.near(pose[row]):
+            found, weight = one.look_up(points, sphere, config)
             weight = weight * observation.mask[row] * (1 - total)
             colour, total = colour + weight * found, total + weight
-            if float(total.sum()) > ENOUGH * float(observation.mask[row].sum()):
+            if float(total.sum()) > config.enough * float(observation.mask[row].sum()):
                 break
-        rendering[row] = _completed(rendering[row], colour, total)
+        rendering[row] = _completed(rendering[row], colour, total, config)
     return replace(observation, rendering=rendering)
 
 
-def _completed(rendering: Tensor, colour: Tensor, total: Tensor) -> Tensor:
+def _completed(rendering: Tensor, colour: Tensor, total: Tensor, config: KeyframeConfig) -> Tensor:
     """Remembered colours (3, H, W), times their weights (1, H, W), and a rendering for the rest.
 
     The rendering takes on their brightness and tint: a seam would look like an edge of the object.
     """
-    if float(total.sum()) < LEAST:
+    if float(total.sum()) < config.min_pixels:
         return rendering
     own = (rendering * total).sum((1, 2))
-    gain = (colour.sum((1, 2)) / own.clamp(min=1e-3)).clamp(*GAIN)
+    gain = (colour.sum((1, 2)) / own.clamp(min=1e-3)).clamp(*config.gain)
     return colour + (1 - total) * (rendering * gain[:, None, None]).clamp(max=1)
 
 
-def _angle(one: Pose, other: Pose) -> float:
-    """Degrees between the sides of the object that are seen at two centred poses."""
-    cosine = _towards_camera(one) @ _towards_camera(other)
-    return math.degrees(math.acos(min(1.0, max(-1.0, float(cosine)))))
+def _angle(one: Tensor, other: Tensor) -> float:
+    """Degrees between two unit vectors (3,)."""
+    return math.degrees(math.acos(min(1.0, max(-1.0, float(one @ other)))))
 
 
 def _towards_camera(centred: Pose) -> Tensor:
@@ -184,11 +194,8 @@ def _enlarged(view: View) -> View:
 
 def _rays(intrinsics: Tensor, size: int) -> Tensor:
     """Rays (3, size, size), float32, through a picture's pixels; z is 1."""
-    line = torch.arange(size, dtype=intrinsics.dtype)
-    x = (line - intrinsics[0, 2]) / intrinsics[0, 0]
-    y = (line - intrinsics[1, 2]) / intrinsics[1, 1]
-    across, down = x.expand(size, size), y[:, None].expand(size, size)
-    return torch.stack([across, down, torch.ones_like(across)]).float()
+    rays = pixel_rays(np.arange(size * size), intrinsics.numpy(), size)
+    return torch.from_numpy(rays).view(3, size, size)
 
 
 def _ramp(values: Tensor, low: float, high: float) -> Tensor:
@@ -196,15 +203,15 @@ def _ramp(values: Tensor, low: float, high: float) -> Tensor:
     return ((values - low) / (high - low)).clamp(0, 1)
 
 
-def _off_edges(depth: Tensor, diameter: float) -> Tensor:
+def _off_edges(depth: Tensor, diameter: float, config: KeyframeConfig) -> Tensor:
     """How far the pixels of a depth map (1, S, S) are from outlines and edges of depth: 0 to 1."""
     import cv2
-    import numpy as np
 
     surface, kernel = depth[0].numpy(), np.ones((3, 3), np.uint8)
-    jump = cv2.dilate(surface, kernel) - cv2.erode(surface, kernel) > STEP * diameter
+    jump = cv2.dilate(surface, kernel) - cv2.erode(surface, kernel) > config.depth_edge * diameter
     inner = ((surface > 0) & ~jump).astype(np.uint8)
-    return _ramp(torch.from_numpy(cv2.distanceTransform(inner, cv2.DIST_L2, 3))[None], *EDGE)
+    distance = torch.from_numpy(cv2.distanceTransform(inner, cv2.DIST_L2, 3))[None]
+    return _ramp(distance, *config.edge_margin)
 
 
 def _in_image(frame: Frame, view: View) -> Tensor:

@@ -46,7 +46,7 @@ class Supervisor:
         self.machine.state = TrackingState(state)
         self._near = self._near or self.machine.state is TrackingState.TRACKING
 
-    def judged(self, result: TrackingResult, agreement: float) -> TrackingResult:
+    def assessed(self, result: TrackingResult, agreement: float) -> TrackingResult:
         """The result of following with its state; without its pose if the object is lost now."""
         if result.pose is None:
             probability = 0.0

@@ -112,7 +112,7 @@ def _shifts(
     gbuffer = renderer.render([mesh], view.to_virtual(pose)[:1], view.intrinsics[:1])
     shifts, confidences = [], []
     for rows in torch.split(torch.arange(len(pixels)), BATCH_SIZE):
-        part = View(view.rotation[rows], view.intrinsics[rows], view.distance[rows])
+        part = view[rows]
         observation = observe_shared(frame, gbuffer, part, diameter[rows])
         state = LoopState(pose[rows], diameter[rows], torch.zeros_like(rows))
         prediction = policy.predict(observation, state)

@@ -26,14 +26,6 @@ def probability_of(config: StateConfig, confidence: float, agreement: float) -> 
     return 1 / (1 + math.exp(-total))
 
 
-@dataclass(frozen=True)
-class StateChange:
-    """An object's state from a frame on."""
-
-    frame: int
-    state: TrackingState
-
-
 @dataclass
 class StateMachine:
     """The state of one object, frame by frame.
@@ -45,8 +37,6 @@ class StateMachine:
 
     config: StateConfig = field(default_factory=StateConfig)
     state: TrackingState = TrackingState.TRACKING
-    changes: list[StateChange] = field(default_factory=list)
-    _frame: int = -1
     _rejected: int = 0
     _confirmed: int = 0
 
@@ -56,14 +46,10 @@ class StateMachine:
         0 for a frame without a pose.
         """
         config = self.config
-        self._frame += 1
         self._rejected = self._rejected + 1 if probability < config.rejected else 0
         self._confirmed = self._confirmed + 1 if probability >= config.confirmed else 0
-        state = self._next(probability)
-        if state is not self.state or not self.changes:
-            self.changes.append(StateChange(self._frame, state))
-        self.state = state
-        return state
+        self.state = self._next(probability)
+        return self.state
 
     def _next(self, probability: float) -> TrackingState:
         tracked, lost = self.state is TrackingState.TRACKING, self.state is TrackingState.LOST
@@ -76,11 +62,3 @@ class StateMachine:
         if tracked and probability >= self.config.doubted:
             return TrackingState.TRACKING
         return TrackingState.UNCERTAIN
-
-    def events(self) -> list[dict[str, int | str | None]]:
-        """Stretches of one state: `state`, `first` and `last` frame; the last one is open."""
-        ends: list[int | None] = [change.frame - 1 for change in self.changes[1:]]
-        return [
-            {"state": str(change.state), "first": change.frame, "last": end}
-            for change, end in zip(self.changes, [*ends, None], strict=True)
-        ]

@@ -311,8 +311,7 @@ class PoseTracker(Generic[Results]):
             race=self.config.multi_start.race,
         )
         return [
-            new if new.confidence >= low else replace(old, milliseconds=new.milliseconds)
-            for old, new in zip(results, found, strict=True)
+            new if new.confidence >= low else old for old, new in zip(results, found, strict=True)
         ]
 
     def _recovery_starts(self, frame: Frame, track: TrackState) -> list[Start]:
@@ -331,9 +330,8 @@ class PoseTracker(Generic[Results]):
     def _add(self, frame: Frame, number: int, result: Refined) -> TrackingResult:
         """Refine the contour of a result, say how likely it is, and go on from it."""
         track, supervisor = self.tracks[number], self.supervisors[number]
-        start = Start(frame, track.mesh, track.centred)
         result, histograms = refine_result(
-            start, result, self.renderer, self.config.contour, track.histograms
+            frame, track.mesh, result, self.renderer, self.config.contour, track.histograms
         )
         if result.centred is None:
             track.miss()
@@ -343,18 +341,18 @@ class PoseTracker(Generic[Results]):
         agreement = result.contour_agreement
         if agreement is None:
             agreement = self.config.recovery.states.usual_agreement
-        judged = supervisor.judged(result.result(track.mesh), agreement)
-        if judged.state is TrackingState.TRACKING:
+        assessed = supervisor.assessed(result.result(track.mesh), agreement)
+        if assessed.state is TrackingState.TRACKING:
             track.update_histograms(histograms)
-            self._remember(frame, track, judged.confidence)
-        return judged
+            self._remember(frame, track, assessed.confidence)
+        return assessed
 
     def _remember(self, frame: Frame, track: TrackState, confidence: float) -> None:
         """Keep what a frame shows of an object at its pose, if that is new and to be kept."""
         known = track.keyframes
         if known is not None and known.wants(track.centred, confidence):
             track.keyframes = known.add(
-                Keyframe.take(frame, track.mesh, track.centred, self.renderer)
+                Keyframe.take(frame, track.mesh, track.centred, self.renderer, known.config)
             )
 
 

@@ -17,7 +17,7 @@ import torch
 from ..config import LoopConfig
 from ..estimation import Target, refine_batch
 from ..frame import prepare_frame
-from ..geometry.crop import View, crop_patch, view_of
+from ..geometry.crop import crop_patch, view_of
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..geometry.rotation import exp_so3
@@ -79,8 +79,7 @@ def _time_parts(
     diameter = torch.tensor([mesh.sphere_diameter], dtype=torch.float64)
     moments = [time.perf_counter()]
     view = view_of(pose, diameter, policy.crop)
-    alone = View(view.rotation[0], view.intrinsics[0], view.distance[0])
-    patch = crop_patch(pixels, alone, CAMERA.matrix)
+    patch = crop_patch(pixels, view[0], CAMERA.matrix)
     moments.append(time.perf_counter())
     gbuffer = renderer.render([mesh], view.to_virtual(pose), view.intrinsics)
     moments.append(time.perf_counter())

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
-from ..datasets.pose_files import RESULT_COLUMNS, PoseRow
+from ..datasets.pose_files import PoseRow
 from ..datasets.video import VideoFrame
 from ..errors import InputError
 from ..geometry.pose import Pose
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
 # `stopped_by` of a frame whose pose was given, so that its error says nothing.
 GIVEN = "reset"
-# What a file must hold beside poses so that its resets are known when it is read again.
-PROTOCOL_COLUMNS = (*RESULT_COLUMNS, "reset", "stopped_by")
 
 
 @dataclass(frozen=True)

@@ -43,12 +43,12 @@ class TrackedFrame:
 
     @property
     def confident(self) -> bool:
-        """Whether there is a pose that is believed (`is_confident`)."""
+        """Whether there is a confident pose (`is_confident`)."""
         return is_confident(self.row)
 
 
 def is_confident(row: PoseRow) -> bool:
-    """Whether a row has a pose that is believed: by its state, of others' tracks by confidence."""
+    """Whether a row has a confident pose: by its state, of others' tracks by the confidence."""
     if row.pose is None:
         return False
     if row.state:

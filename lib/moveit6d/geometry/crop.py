@@ -46,6 +46,10 @@ class View:
     intrinsics: Tensor
     distance: Tensor
 
+    def __getitem__(self, index: Any) -> View:
+        """Part of the batch, indexed as a tensor's leading axes are."""
+        return View(self.rotation[index], self.intrinsics[index], self.distance[index])
+
     @property
     def axis(self) -> Tensor:
         """Where the optical axis meets the patch, pixels (..., 2) from its middle: 0 if look-at."""

@@ -46,8 +46,7 @@ def outlines(mesh: Mesh, pose: Pose, camera: Camera, renderer: Renderer) -> list
     matrix[:2, 2] = (size - 1) / 2
     matrix[2, 2] = 1
     virtual = view.to_virtual(centred)
-    batch = Pose(virtual.rotation[None], virtual.translation[None])
-    mask = renderer.render([mesh], batch, matrix[None], size).mask[0, 0]
+    mask = renderer.render([mesh], virtual[None], matrix[None], size).mask[0, 0]
     found, _ = cv2.findContours(
         (mask.cpu().numpy() > 0.5).astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE
     )

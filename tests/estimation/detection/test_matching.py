@@ -65,7 +65,9 @@ def test_the_object_is_among_the_candidates(seen: Picture, detector: PoseDetecto
     assert 0 < len(found) <= 2 * config.match.candidates
     best, more = (found.scores[: config.match.candidates], found[config.match.candidates :])
     assert (best.diff() <= 0).all() and best.min() >= more.scores.max()
-    assert len(set(more.places.tolist())) > 1
+    # Those of one place are no farther from each other than the cells around it.
+    apart = float((more.pixels.amax(0) - more.pixels.amin(0)).max())
+    assert apart > config.match.same_place * float(more.widths.max()), "more than one place"
     centred = seen.mesh.inner(seen.pose)
     pixel = pictures.CAMERA.project(centred.translation).float()
     diameter = torch.tensor(seen.mesh.sphere_diameter, dtype=torch.float64)
@@ -89,3 +91,5 @@ def test_settings_are_checked() -> None:
         MatchConfig(widths=(0.5, 0.1))
     with pytest.raises(InputError, match="1 or more"):
         MatchConfig(places=0)
+    with pytest.raises(InputError, match="shortlist 1 or more"):
+        MatchConfig(shortlist=0)

@@ -52,7 +52,7 @@ def test_a_mask_is_its_box(box: Mesh) -> None:
     mask = np.zeros((480, 640), bool)
     mask[100:160, 200:280] = True
     region = SearchRegion.checked(CAMERA, mask=mask)
-    assert region.frame() == (199.5, 99.5, 80.0, 60.0)
+    assert region.bounds == (199.5, 99.5, 80.0, 60.0)
 
 
 def test_near_is_around_the_pose(box: Mesh) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load, save
 
 from moveit6d import InputError, Mesh, make_renderer
 from moveit6d.config import TemplateConfig
@@ -82,6 +83,17 @@ def test_templates_are_made_once_and_kept_on_disk(
     TemplateStore(tmp_path / "kept").get(other, describe, renderer, FEW, "net")
     TemplateStore(tmp_path / "kept").get(box, describe, renderer, FEW, "another")
     assert len(list((tmp_path / "kept").iterdir())) == 3
+
+
+def test_a_file_may_hold_more_than_is_read(
+    box: Mesh, network: NetworkPolicy, tmp_path: Path
+) -> None:
+    first = TemplateStore(tmp_path).get(box, network.descriptors, make_renderer(), FEW)
+    (file,) = tmp_path.iterdir()
+    values = load(file.read_bytes())
+    file.write_bytes(save({**values, "fine.masks": torch.zeros(12, 8, 8)}))
+    again = TemplateStore(tmp_path).get(box, network.descriptors, make_renderer(), FEW)
+    assert torch.equal(again.fine.rows, first.fine.rows)
 
 
 def test_a_damaged_file_is_named(box: Mesh, network: NetworkPolicy, tmp_path: Path) -> None:

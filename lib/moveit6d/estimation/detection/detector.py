@@ -46,14 +46,13 @@ Method = Literal["templates", "seeds"]
 
 @dataclass(frozen=True)
 class FoundPose:
-    """One instance: the refined result, the probability that it is right, and what speaks for it.
+    """One instance: the refined result and what speaks for it.
 
-    `result.pose` is in the mesh file's frame; `result.confidence` is the probability. The method
-    `seeds` has no other evidence than the confidence.
+    `result.pose` is in the mesh file's frame; `result.confidence` is the probability that it is
+    right. The method `seeds` has no other evidence than the confidence.
     """
 
     result: TrackingResult
-    probability: float
     evidence: Evidence | None = None
 
     @property
@@ -61,6 +60,11 @@ class FoundPose:
         """Object → camera, in the mesh file's frame, metres."""
         assert self.result.pose is not None  # results without a pose are never kept
         return self.result.pose
+
+    @property
+    def probability(self) -> float:
+        """That the pose is right."""
+        return self.result.confidence
 
 
 @dataclass(frozen=True)
@@ -235,7 +239,7 @@ class PoseDetector:
         results: list[FoundPose] = []
         for first in range(0, len(poses), size):
             refined = yield from self._tournament(frame, poses[first : first + size], instances)
-            results += self._judged(frame, refined)
+            results += self._verified(frame, refined)
             yield
             found = self._answer(results, instances)
             if len(found.instances) >= instances:
@@ -313,16 +317,13 @@ class PoseDetector:
                 yield
         return results
 
-    def _judged(self, frame: Frame, results: Sequence[Refined]) -> list[FoundPose]:
-        """Fit the contours, and look at every pose once more."""
+    def _verified(self, frame: Frame, results: Sequence[Refined]) -> list[FoundPose]:
+        """Fit the contours, and verify every pose."""
         refined = [
-            refine_result(
-                Start(frame, self.mesh, result.centred), result, self.renderer,
-                self.settings.contour,
-            )[0]
+            refine_result(frame, self.mesh, result, self.renderer, self.settings.contour)[0]
             for result in results
             if result.centred is not None
-        ]  # fmt: skip
+        ]
         poses = [one.centred for one in refined if one.centred is not None]
         cosines = similarities(frame, self.mesh, poses, self.policy, self.renderer)
         found = []
@@ -330,7 +331,7 @@ class PoseDetector:
             evidence = Evidence(one.confidence, cosine)
             probability = evidence.probability(self.config.verification)
             result = replace(one, confidence=probability).result(self.mesh)
-            found.append(FoundPose(result, probability, evidence))
+            found.append(FoundPose(result, evidence))
         return found
 
     def _answer(self, found: Sequence[FoundPose], instances: int) -> Detection:
@@ -366,7 +367,7 @@ def _by_seeds(found: SeedDetection) -> Detection:
     result = found.result
     if result is None or result.pose is None:
         return Detection((), seeds=found)
-    return Detection((FoundPose(result, result.confidence),), seeds=found)
+    return Detection((FoundPose(result),), seeds=found)
 
 
 def finish(steps: Steps) -> Detection:

@@ -56,14 +56,13 @@ class Candidates:
     """`N` proposals: the best, by their scores, and then the best of all places in turn.
 
     `scores` (N,), `pixels` (N, 2) of the object's centre, `widths` (N,) of its sphere in pixels,
-    `views` (N,) which of the templates' rotations, `places` (N,) which place each belongs to.
+    `views` (N,) which of the templates' rotations.
     """
 
     scores: Tensor
     pixels: Tensor
     widths: Tensor
     views: Tensor
-    places: Tensor
 
     def __len__(self) -> int:
         return len(self.scores)
@@ -71,9 +70,8 @@ class Candidates:
     def __getitem__(self, index: Tensor | slice) -> Candidates:
         """Some of them: a mask, indices or a slice."""
         return Candidates(
-            self.scores[index], self.pixels[index], self.widths[index], self.views[index],
-            self.places[index],
-        )  # fmt: skip
+            self.scores[index], self.pixels[index], self.widths[index], self.views[index]
+        )
 
 
 def ladder(low: float, high: float, step: float) -> list[float]:
@@ -164,11 +162,11 @@ class Matcher:
         `allowed` says which pixels (N, 2), widths (N) and views (N) may be; without it all.
         """
         windows = torch.cat(self._background)
-        spread = _spread(windows, self.bank.fine)
-        found = [
-            self._views(number, place, spread, allowed)
-            for number, place in enumerate(self._places(_spread(windows, self.bank.coarse)))
-        ]
+        fine, coarse = (
+            _spread(windows, templates, self.config.min_spread)
+            for templates in (self.bank.fine, self.bank.coarse)
+        )
+        found = [self._views(place, fine, allowed) for place in self._places(coarse)]
         if not found:
             return _gathered([])
         every = _gathered(found)
@@ -183,11 +181,12 @@ class Matcher:
         """Level, row and column of the best places, thinned over all levels."""
         mean, deviation = (one[:, None, None] for one in spread)
         peaks: list[tuple[float, int, int, int]] = []
+        count = self.config.shortlist * self.config.places
         for number, scores in enumerate(self._coarse):
             best = ((scores - mean) / deviation).amax(0)
             top = functional.max_pool2d(best[None, None], 3, 1, 1)[0, 0]
             rows, columns = (best == top).nonzero(as_tuple=True)
-            order = best[rows, columns].argsort(descending=True)[: 4 * self.config.places]
+            order = best[rows, columns].argsort(descending=True)[:count]
             for i in order.tolist():
                 row, column = int(rows[i]), int(columns[i])
                 peaks.append((float(best[row, column]), number, row, column))
@@ -220,7 +219,6 @@ class Matcher:
 
     def _views(
         self,
-        number: int,
         place: tuple[int, int, int],
         spread: tuple[Tensor, Tensor],
         allowed: Allowed | None,
@@ -238,12 +236,12 @@ class Matcher:
             cut = part.unfold(1, k, 1).unfold(2, k, 1).permute(1, 2, 0, 3, 4)
             windows.append(cut.reshape(len(rows) * len(columns), -1))
             positions += [(level, row, column) for row in rows for column in columns]
-        scores = torch.cat(windows) @ fine.kernels.flatten(1).mT  # (positions, templates)
+        scores = torch.cat(windows) @ fine.rows.mT  # (positions, templates)
         scores = (scores - spread[0]) / spread[1]
         if allowed is not None:
             scores = torch.where(self._mask(positions, scores.shape[1], allowed), scores, -math.inf)
         best, where = scores.max(0)
-        views = best.argsort(descending=True)[: 4 * self.config.views]
+        views = best.argsort(descending=True)[: self.config.shortlist * self.config.views]
         at = [positions[i] for i in where[views].tolist()]
         total = best[views] + self.config.tolerance_weight * self._tolerant(at, views)
         order = total.argsort(descending=True)[: self.config.views]
@@ -254,7 +252,6 @@ class Matcher:
             torch.tensor([self._pixel(*one) for one in chosen]).reshape(-1, 2),
             torch.tensor([self.levels[one[0]].width for one in chosen]),
             views[order],
-            torch.full((len(order),), number),
         )
 
     def _mask(self, positions: list[tuple[int, int, int]], views: int, allowed: Allowed) -> Tensor:
@@ -298,8 +295,8 @@ class Matcher:
 def _gathered(found: Sequence[Candidates]) -> Candidates:
     if not found:
         none = torch.zeros(0)
-        return Candidates(none, none.reshape(0, 2), none, none.long(), none.long())
-    names = ("scores", "pixels", "widths", "views", "places")
+        return Candidates(none, none.reshape(0, 2), none, none.long())
+    names = ("scores", "pixels", "widths", "views")
     return Candidates(*(torch.cat([getattr(one, name) for one in found]) for name in names))
 
 
@@ -312,9 +309,11 @@ def _random_windows(padded: Tensor, k: int, count: int, random: torch.Generator)
     return cut[:, rows, columns].permute(1, 0, 2, 3).reshape(count, -1)
 
 
-def _spread(windows: Tensor, templates: Templates) -> tuple[Tensor, Tensor]:
-    """Mean and standard deviation (N,) of each template's score over windows of the image."""
-    scores = windows @ templates.kernels.flatten(1).mT
+def _spread(windows: Tensor, templates: Templates, least: float) -> tuple[Tensor, Tensor]:
+    """Mean and standard deviation (N,) of each template's score over windows of the image.
+
+    The deviation is not less than `least` of its own mean.
+    """
+    scores = windows @ templates.rows.mT
     deviation = scores.std(0)
-    # A template that scores nearly the same everywhere must not look sure by its small spread.
-    return scores.mean(0), deviation.clamp(min=0.2 * float(deviation.mean()) + 1e-6)
+    return scores.mean(0), deviation.clamp(min=least * float(deviation.mean()) + 1e-6)

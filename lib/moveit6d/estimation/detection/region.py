@@ -6,6 +6,7 @@ Never sees an image and never scores anything.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -54,26 +55,27 @@ class SearchRegion:
 
     def undistorted(self, camera: Camera) -> SearchRegion:
         """The same region in the image as `Camera.undistort` makes it."""
-        frame = self.frame()
-        if camera.lens is None or frame is None:
+        bounds = self.bounds
+        if camera.lens is None or bounds is None:
             return self
         mask = self.mask
         if mask is None:
-            x, y, width, height = frame
+            x, y, width, height = bounds
             mask = np.zeros((camera.height, camera.width), np.bool_)
             mask[max(0, round(y)) : round(y + height), max(0, round(x)) : round(x + width)] = True
         flat = camera.undistort(torch.from_numpy(mask.astype(np.uint8))[None])[0][0].numpy() > 0
         if not flat.any():
             raise InputError("box or mask: nothing of it is left once the lens is undone.")
         region = replace(self, box=None, mask=flat)
-        return region if self.mask is not None else replace(self, box=region.frame())
+        return region if self.mask is not None else replace(self, box=region.bounds)
 
     @property
     def empty(self) -> bool:
         """Whether nothing is known."""
         return all(v is None for v in (self.box, self.mask, self.distance, self.near))
 
-    def frame(self) -> tuple[float, float, float, float] | None:
+    @cached_property
+    def bounds(self) -> tuple[float, float, float, float] | None:
         """The box, or the one around the mask: (x, y, width, height)."""
         if self.box is not None or self.mask is None:
             return self.box
@@ -88,14 +90,14 @@ class SearchRegion:
 
         `width` is the largest one of the object that is tried, pixels.
         """
-        frame = self.frame()
-        if frame is None and self.near is not None:
+        bounds = self.bounds
+        if bounds is None and self.near is not None:
             u, v = _pixel(mesh, self.near, camera).tolist()
             reach = config.near_shift * _width(mesh, self.near, camera)
-            frame = u - reach, v - reach, 2 * reach, 2 * reach
-        if frame is None:
+            bounds = u - reach, v - reach, 2 * reach, 2 * reach
+        if bounds is None:
             return None
-        x, y, wide, high = frame
+        x, y, wide, high = bounds
         margin = config.margin * width
         left, top = max(0, round(x - margin)), max(0, round(y - margin))
         right = min(camera.width, round(x + wide + margin))
@@ -119,9 +121,9 @@ class SearchRegion:
             focal = 0.5 * (camera.fx + camera.fy)
             near, far = self.distance
             low, high = focal * mesh.sphere_diameter / far, focal * mesh.sphere_diameter / near
-        frame = self.frame()
-        if frame is not None:
-            longest, (least, most) = max(frame[2], frame[3]), config.box_ratio
+        bounds = self.bounds
+        if bounds is not None:
+            longest, (least, most) = max(bounds[2], bounds[3]), config.box_ratio
             low, high = max(low, least * longest), min(high, most * longest)
             low, high = min(low, longest * most), max(high, longest)
         if self.near is not None:
@@ -145,10 +147,10 @@ class SearchRegion:
         Boxes are edges from the centre in widths of the sphere.
         """
         allowed = torch.ones(len(pixels), dtype=torch.bool)
-        frame = self.frame()
-        if frame is not None:
+        bounds = self.bounds
+        if bounds is not None:
             edges = pixels.repeat(1, 2) + boxes * sizes[:, None]
-            union, covered = _overlap(edges, frame)
+            union, covered = _overlap(edges, bounds)
             part = (covered >= config.part_covered) & (union >= config.part_overlap)
             allowed &= (union >= config.box_overlap) | part
         if self.near is not None:
@@ -167,12 +169,12 @@ def _pixel(mesh: Mesh, pose: Pose, camera: Camera) -> Tensor:
     return camera.project(mesh.inner(pose.to(torch.float64)).translation).to(torch.float32)
 
 
-def _overlap(edges: Tensor, frame: tuple[float, float, float, float]) -> tuple[Tensor, Tensor]:
+def _overlap(edges: Tensor, bounds: tuple[float, float, float, float]) -> tuple[Tensor, Tensor]:
     """Of boxes (N, 4), given by edges, with one (x, y, width, height): their common part.
 
     As shares of the union, and of the one box.
     """
-    x, y, width, height = frame
+    x, y, width, height = bounds
     across = (edges[:, 2].clamp(max=x + width) - edges[:, 0].clamp(min=x)).clamp(min=0)
     down = (edges[:, 3].clamp(max=y + height) - edges[:, 1].clamp(min=y)).clamp(min=0)
     common = across * down

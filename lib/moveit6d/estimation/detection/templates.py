@@ -9,7 +9,9 @@ import hashlib
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 import torch
 from torch import Tensor
@@ -20,6 +22,7 @@ from ...errors import InputError
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...geometry.rotation_grid import rotation_grid
+from ...io import replacing
 from ...observation import GREY
 from ...policies import BATCH_SIZE
 from ...rendering.renderer import Renderer
@@ -40,15 +43,14 @@ class Templates:
     `rotations` (N, 3, 3) float64 are the object's as seen along the ray through its centre;
     `kernels` (N, C, k, k) the normalised descriptors, projected to the axes that tell the object's
     own cells apart best (`basis` (D, C − 3)), and three channels of colour, masked and divided by
-    the mask's sum, so that the correlation with an image's is a mean over the object; `masks`
-    (N, k, k) the covered share of each cell; `boxes` (N, 4) the silhouettes' left, top, right and
-    bottom edges from the centre, in widths of the object's sphere.
+    the mask's sum, so that the correlation with an image's is a mean over the object; `boxes`
+    (N, 4) the silhouettes' left, top, right and bottom edges from the centre, in widths of the
+    object's sphere.
     """
 
     rotations: Tensor
     kernels: Tensor
     basis: Tensor
-    masks: Tensor
     boxes: Tensor
 
     def __len__(self) -> int:
@@ -58,6 +60,11 @@ class Templates:
     def cells(self) -> int:
         """Cells a side of a template."""
         return self.kernels.shape[-1]
+
+    @cached_property
+    def rows(self) -> Tensor:
+        """The kernels as rows (N, C·k·k), to be multiplied with windows of an image."""
+        return self.kernels.flatten(1)  # a copy: the kernels' channels lie together
 
 
 @dataclass(frozen=True)
@@ -115,7 +122,6 @@ class _Views:
             self.rotations,
             kernels[..., inner, inner].contiguous(memory_format=torch.channels_last),
             basis,
-            self.covered[:, inner, inner].contiguous(),
             self.boxes,
         )
 
@@ -227,29 +233,34 @@ def default_store() -> Path:
     return Path(base) / "moveit6d" / "templates"
 
 
+_DIGESTS: WeakKeyDictionary[Mesh, dict[str, str]] = WeakKeyDictionary()
+
+
 def _digest(mesh: Mesh, config: TemplateConfig, network: str) -> str:
-    digest = hashlib.sha256(f"{config!r} {network}".encode())
-    for array in (mesh.vertices, mesh.faces, mesh.uv, mesh.texture, mesh.vertex_colors):
-        digest.update(b"-" if array is None else array.tobytes())
-    return digest.hexdigest()[:32]
+    settings = f"{config!r} {network}"
+    known = _DIGESTS.setdefault(mesh, {})
+    if settings not in known:
+        digest = hashlib.sha256(settings.encode())
+        for array in (mesh.vertices, mesh.faces, mesh.uv, mesh.texture, mesh.vertex_colors):
+            digest.update(b"-" if array is None else array.tobytes())
+        known[settings] = digest.hexdigest()[:32]
+    return known[settings]
 
 
-_FIELDS = ("rotations", "kernels", "basis", "masks", "boxes")
+_FIELDS = ("rotations", "kernels", "basis", "boxes")
 _LEVELS = ("fine", "coarse")
 
 
 def _write(path: Path, bank: TemplateBank) -> None:
     from safetensors.torch import save
 
-    path.parent.mkdir(parents=True, exist_ok=True)
     values = {
         f"{level}.{name}": getattr(getattr(bank, level), name).contiguous().clone()
         for level in _LEVELS
         for name in _FIELDS
     }
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    temporary.write_bytes(save(values))
-    temporary.replace(path)
+    with replacing(path) as temporary:
+        temporary.write_bytes(save(values))
 
 
 def _read(path: Path) -> TemplateBank:

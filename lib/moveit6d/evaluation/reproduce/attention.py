@@ -18,7 +18,6 @@ from ...actions import PoseAction
 from ...datasets.sequences import Sequence as Video
 from ...frame import prepare_frame
 from ...geometry.crop import PATCH_SIZE
-from ...geometry.pose import Pose
 from ...observation import Observation, observe
 from ...policies import LoopState, Policy
 from ...rendering.renderer import Renderer
@@ -54,9 +53,7 @@ def patches(videos: Sequence[Video], frames: int, renderer: Renderer) -> list[Pa
             picture = prepare_frame(frame.image, video.camera)
             inner = mesh.inner(video.truth[frame.index].to(torch.float64))
             delta = torch.tensor([OFFSET], dtype=torch.float64)
-            start = PoseAction.from_delta(delta).apply_centred(
-                Pose(inner.rotation[None], inner.translation[None]), diameter
-            )
+            start = PoseAction.from_delta(delta).apply_centred(inner[None], diameter)
             seen = observe([picture], [mesh], start, diameter, renderer)
             state = LoopState(start, diameter, torch.zeros(1, dtype=torch.int64))
             found.append(Patch(f"{video.name}, frame {frame.index}", seen, state))

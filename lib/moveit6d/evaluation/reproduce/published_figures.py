@@ -162,7 +162,6 @@ YCB_AUC_2 = PaperTable(
     _numbers(_YCB_AUC_2),
     (62.66, 65.80, 67.18, 70.30, 71.66, 74.25, 76.03, 83.47),
 )
-YCB_OBJECTS = tuple(YCB_ADD.rows)
 
 LAVAL_LEVELS = (0, 15, 30, 45)  # per cent occluded
 LAVAL_MODELS = ("full", "w/o depth")
@@ -194,14 +193,12 @@ def _laval() -> dict[tuple[str, str, int], LavalFigure]:
 LAVAL = _laval()
 
 RUNTIME_MS = {"CPU (crop and resize)": 14.6, "GPU (network)": 5.2, "total": 19.8}
-RUNTIME_ITERATIONS = 512
 ACTIONS_PER_FRAME = 4.2
 MS_PER_FRAME = 83.16
 
 # Eq. 3 and "Robustness & Convergence"; the curve itself is only drawn, these points are stated.
 CONVERGENCE_LARGEST, CONVERGENCE_DELTA = 45, 6
 CONVERGENCE_STEP, CONVERGENCE_STEPS = 3.0, 200
-CONVERGENCE_ACTIONS = 270  # "an initialization which is 270 actions apart"
 CONVERGENCE_ADD = {12: 73.8}
 CONVERGENCE_NONE_FROM = 43  # "for m >= 43 the method did not converge within 200 steps"
 
