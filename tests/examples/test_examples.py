@@ -19,6 +19,7 @@ from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3, log_so3
 from moveit6d.networks.action_net import ActionNet
+from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
 from moveit6d.networks.inference import InferenceNetwork
 from moveit6d.networks.weights_file import load_network, save_network
@@ -304,8 +305,12 @@ WEIGHTS = sorted(EXAMPLES.glob("*/*.safetensors"))
 @pytest.mark.parametrize("weights", WEIGHTS, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_weights_of_examples_are_what_their_folder_says(weights: Path) -> None:
     network = load_network(weights).network
-    is_papers = weights.parent.name in ("object_specific", "paper_network")
-    assert isinstance(network, ActionNet if is_papers else CorrelationNet)
+    kinds = {
+        "object_specific": ActionNet,
+        "paper_network": ActionNet,
+        "compact": CompactCorrelationNet,
+    }
+    assert type(network) is kinds.get(weights.parent.name, CorrelationNet)
     seen = an_observation(2)
     flat = replace(seen, depth=torch.zeros_like(seen.depth))
     predict = InferenceNetwork(network, compute="float32")

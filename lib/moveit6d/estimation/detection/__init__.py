@@ -3,7 +3,8 @@
 Never tracks. `PoseDetector` is the door; the paper's own way is in `estimation.seed_detector`.
 """
 
-from .detector import Detection, FoundPose, PoseDetector, detect_objects
+from .detector import PoseDetector, detect_objects
+from .found import Detection, FoundPose
 from .region import SearchRegion
 from .templates import TemplateStore, default_store
 from .verification import Evidence

@@ -7,7 +7,7 @@ tournament of the refinement loop chooses between them; verification says whethe
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 import torch
@@ -25,10 +25,11 @@ from ...typing import ImageLike
 from ..contour_stage import refine_result
 from ..inputs import camera_of, meshes_of, policy_of, pose_of, renderer_of
 from ..refine import refine_starts
-from ..results import Refined, Start, TrackingResult
+from ..results import Refined, Start
 from ..seed_detector import SeedDetection, SeedDetector
 from ..seeding import seed_poses
 from ..visibility import check_start, start_problem
+from .found import Detection, FoundPose
 from .matching import Candidates, Matcher, Pyramid, ladder
 from .points import poses_from_points
 from .region import SearchRegion
@@ -40,65 +41,8 @@ STEP_BATCH = 8
 
 DEFAULT, DEFAULT_SEEDS = TrackerConfig(), SeedDetectorConfig()
 
-Steps = Generator[None, None, "Detection"]
+Steps = Generator[None, None, Detection]
 Method = Literal["templates", "seeds"]
-
-
-@dataclass(frozen=True)
-class FoundPose:
-    """One instance: the refined result and what speaks for it.
-
-    `result.pose` is in the mesh file's frame; `result.confidence` is the probability that it is
-    right. The method `seeds` has no other evidence than the confidence.
-    """
-
-    result: TrackingResult
-    evidence: Evidence | None = None
-
-    @property
-    def pose(self) -> Pose:
-        """Object → camera, in the mesh file's frame, metres."""
-        assert self.result.pose is not None  # results without a pose are never kept
-        return self.result.pose
-
-    @property
-    def probability(self) -> float:
-        """That the pose is right."""
-        return self.result.confidence
-
-
-@dataclass(frozen=True)
-class Detection:
-    """What was found of one object in one image, the most probable first.
-
-    `instances` are those found; `rejected` the best of what was looked at and not accepted; `seeds`
-    how the method `seeds` came there.
-    """
-
-    instances: tuple[FoundPose, ...]
-    rejected: tuple[FoundPose, ...] = ()
-    seeds: SeedDetection | None = None
-
-    @property
-    def found(self) -> bool:
-        """Whether the object is in the image, as far as can be told."""
-        return bool(self.instances)
-
-    @property
-    def best(self) -> FoundPose | None:
-        """The most probable pose, accepted or not; None if nothing could be looked at."""
-        every = (*self.instances, *self.rejected)
-        return max(every, key=lambda one: one.probability) if every else None
-
-    @property
-    def pose(self) -> Pose | None:
-        """The pose of the most probable instance; None if the object was not found."""
-        return self.instances[0].pose if self.instances else None
-
-    @property
-    def probability(self) -> float:
-        """That the best pose is right; 0 if there is none."""
-        return 0.0 if self.best is None else self.best.probability
 
 
 class PoseDetector:
