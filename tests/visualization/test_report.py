@@ -91,6 +91,16 @@ def test_without_truth_confidence_says_what_is_bad(run: Run) -> None:
     assert sorted(re.findall(r'<tr class="bad" id="f(\d)"', page)) == ["3", "5"]
 
 
+def test_a_state_says_more_than_the_confidence(run: Run) -> None:
+    rows = {
+        frame: replace(row, state="uncertain" if frame == 2 else "tracking")
+        for frame, row in run.rows.items()
+    }
+    told = replace(run, rows=rows)
+    missing = [frame for frame, row in run.rows.items() if row.pose is None]
+    assert [frame for frame in rows if told.bad(frame)] == sorted([2, *missing])
+
+
 def test_with_truth_errors_do(scored: Run) -> None:
     page = report_page(scored, make_renderer())
     assert order(page) == [5, 2, 7, 6, 4, 3, 1, 0]

@@ -143,17 +143,15 @@ def refinement(args: argparse.Namespace) -> int:
     import numpy as np
     import torch
 
-    from ..errors import InputError
     from ..evaluation.metrics import ADD_LIMIT, auroc
     from ..evaluation.synthetic_refinement import run_cases
     from ..evaluation.tables import plain
     from ..geometry.mesh import Mesh
     from ..synthesis.augmentation.photos import load_photos
     from ..synthesis.single_images import make_cases
+    from ..synthesis.training.source import mesh_files
 
-    paths = sorted(p for p in args.objects.glob("*") if p.suffix in (".glb", ".ply", ".obj"))
-    if not paths:
-        raise InputError(f"{args.objects} holds no .glb, .ply or .obj file.")
+    paths = mesh_files(args.objects)
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
     meshes = [Mesh.load(path, "m", allow_flat=True) for path in paths]

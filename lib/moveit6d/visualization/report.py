@@ -86,8 +86,10 @@ class Run:
         return (0.0 if self.errors else 1.0) - row.confidence
 
     def confident(self, frame: int) -> bool:
-        """Whether there is a pose whose confidence is not low, or one that was given."""
+        """Whether the object is tracked; without states whether its confidence is not low."""
         row = self.rows[frame]
+        if row.state:
+            return row.pose is not None and row.state == "tracking"
         return row.pose is not None and (
             row.confidence is None or row.confidence >= self.low_confidence
         )

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from ...datasets.bop import TARGETS, BopDataset, BopTarget, Estimate, Instance
+from ...datasets.video import image_size
 from ...errors import InputError
 from ...geometry.camera import Camera
 from ...geometry.hull import convex_hull
@@ -243,8 +244,6 @@ def _view(dataset: BopDataset, target: BopTarget, with_depth: bool) -> _View:
 
 def _size(dataset: BopDataset, scene: int, image: int) -> tuple[int, int]:
     """Width and height of an image; without its file those of the set's camera.json."""
-    from PIL import Image
-
     try:
         path = dataset.image_path(scene, image)
     except InputError:
@@ -253,5 +252,4 @@ def _size(dataset: BopDataset, scene: int, image: int) -> tuple[int, int]:
             raise
         known = read_json(file)
         return int(known["width"]), int(known["height"])
-    with Image.open(path) as opened:
-        return opened.size
+    return image_size(path)

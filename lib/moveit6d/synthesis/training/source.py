@@ -17,6 +17,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...geometry.mesh import Mesh
+from ...geometry.mesh_files import SUFFIXES
 from ..augmentation.backgrounds import procedural_photo
 from ..augmentation.photos import load_photos
 from ..objects.shapes import random_object
@@ -24,7 +25,6 @@ from ..objects.symmetric_shapes import symmetric_object
 from ..objects.untextured import untextured_copy
 from .pairs import PairConfig, PairGenerator
 
-MESH_SUFFIXES = {".glb", ".obj", ".ply", ".stl"}
 PROCEDURAL_PHOTOS = 64  # pictures that are made where there is no folder of photographs
 
 
@@ -98,7 +98,7 @@ class PairSource:
 
 def mesh_files(folder: Path) -> list[Path]:
     """Mesh files of a folder in order of their names; `InputError` if there is none."""
-    paths = sorted(p for p in Path(folder).glob("*") if p.suffix.lower() in MESH_SUFFIXES)
+    paths = sorted(p for p in Path(folder).glob("*") if p.suffix.lower() in SUFFIXES)
     if not paths:
-        raise InputError(f"Mesh folder {folder} holds no .glb, .obj, .ply or .stl file.")
+        raise InputError(f"Mesh folder {folder} holds no {', '.join(SUFFIXES)} file.")
     return paths
