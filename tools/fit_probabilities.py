@@ -1,18 +1,23 @@
 """Fits the regressions that say how likely a pose is right, `VerificationConfig` and `StateConfig`.
 
     python tools/fit_probabilities.py --meshes MESHES --photos PHOTOS [--weights FILE]
+        [--calibrated FILE]
 
-On made pictures and sequences of training meshes that were held out (by the rule of
+On synthetic pictures and sequences of training meshes that were held out (by the rule of
 `PairDataModule`), objects that are not there among them. Prints the weights and, cross-validated by
 mesh, the area under the ROC curve. To be run anew for a network with other weights; a few minutes
 a mesh.
+
+With `--calibrated` the confidence of a compact network is calibrated first (Platt scaling: a line
+in its logit, fitted on where refinements and tracks end; Platt 1999), and the network whose last
+layer has that line is written there. The regressions are of that network then.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,26 +29,43 @@ from moveit6d import Mesh, Pose, PoseDetector, PoseTracker, load_policy, make_re
 from moveit6d.config import RecoveryConfig, TrackerConfig
 from moveit6d.datasets.video import open_frames
 from moveit6d.estimation import TemplateStore
+from moveit6d.estimation.estimator import refine_single
 from moveit6d.evaluation.metrics import ADD_LIMIT, add_s, auroc
-from moveit6d.policies import NetworkPolicy
+from moveit6d.evaluation.metrics.calibration import reliability
+from moveit6d.networks.compact import CompactCorrelationNet
+from moveit6d.networks.weights_file import load_network, save_network
+from moveit6d.policies import SHIPPED_WEIGHTS, NetworkPolicy
 from moveit6d.synthesis.sequences.sequence import Scene
+from moveit6d.synthesis.single_images import make_cases
 
 DIFFICULTIES = ("occ", "fast", "hard")
 PHOTOS = 150  # read at most
 FRAMES = 44  # of a sequence
 GONE = range(16, 30)  # those that are other pictures
-BORDERLINE = 1.5  # errors between the limit and so many times it teach nothing
+BORDERLINE = 1.5  # errors between the limit and so many times it are neither right nor wrong
+STARTS = (("all_small", 0.0), ("all_large", 0.0), ("all_large", 1.0))  # cluster, share occluded
+REFINED = 12  # pictures of each mesh and kind of start
 RIDGE = 2.0
 NEVER = TrackerConfig(recovery=RecoveryConfig(enabled=False))
 
 
 @dataclass(frozen=True)
 class Example:
-    """A pose: its evidence, whether it is right, and of which mesh."""
+    """A pose: its evidence, the confidence first; its error in diameters; and of which mesh."""
 
     evidence: tuple[float, float]
-    right: bool
+    error: float
     mesh: str
+
+    @property
+    def right(self) -> bool:
+        """Whether the error is below the limit of ADD."""
+        return self.error < ADD_LIMIT
+
+    @property
+    def borderline(self) -> bool:
+        """Whether the pose is neither right nor wrong."""
+        return ADD_LIMIT <= self.error < BORDERLINE * ADD_LIMIT
 
 
 def main() -> None:
@@ -52,6 +74,7 @@ def main() -> None:
     parser.add_argument("--meshes", type=Path, required=True, help="training meshes, metres")
     parser.add_argument("--photos", type=Path, required=True, help="backgrounds")
     parser.add_argument("--weights", type=Path, help="weights file instead of the shipped one")
+    parser.add_argument("--calibrated", type=Path, help="file for the calibrated network")
     parser.add_argument("--pictures", type=int, default=2, help="of each mesh and difficulty")
     parser.add_argument("--seed", type=int, default=0, help="of the pictures")
     args = parser.parse_args()
@@ -61,10 +84,81 @@ def main() -> None:
     found = [frame.image for frame in open_frames(args.photos) if frame.image is not None]
     photos = found[:: max(1, len(found) // PHOTOS)]
     policy = load_policy(args.weights)
-    report("VerificationConfig", ("confidence", "similarity"),
-           list(candidates(meshes, photos, policy, args.pictures, args.seed)))  # fmt: skip
-    report("StateConfig", ("confidence", "agreement"),
-           list(tracked_frames(meshes, photos, policy, args.seed)))  # fmt: skip
+    found_again = list(candidates(meshes, photos, policy, args.pictures, args.seed))
+    followed = list(tracked_frames(meshes, photos, policy, args.seed))
+    if args.calibrated is not None:
+        known = [one for one in followed if np.isfinite(one.error)]
+        line = platt([*known, *refinements(meshes, photos, policy, args.seed)])
+        write_calibrated(args.weights or SHIPPED_WEIGHTS, line, args.calibrated)
+        found_again, followed = calibrated(found_again, line), calibrated(followed, line)
+    report("VerificationConfig", ("confidence", "similarity"), found_again)
+    report("StateConfig", ("confidence", "agreement"), followed)
+
+
+def refinements(
+    meshes: Sequence[Mesh], photos: Sequence[NDArray[np.uint8]], policy: NetworkPolicy, seed: int
+) -> Iterator[Example]:
+    """Where refinements of single pictures end, from near and from far starts."""
+    renderer = make_renderer()
+    for number, (cluster, occluded) in enumerate(STARTS):
+        cases = make_cases(
+            meshes, photos, renderer, cluster=cluster, occluded=occluded,
+            number=REFINED * len(meshes), seed=seed + number,
+        )  # fmt: skip
+        for case in cases:
+            mesh = case.target.mesh
+            result = refine_single([case.target], policy=policy, renderer=renderer)[0]
+            if result.pose is not None:
+                error = relative_error(mesh, result.pose, case.truth)
+                yield Example((result.confidence, 0.0), error, mesh.name)
+
+
+def logit(confidence: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of confidences (N,), bounded."""
+    bounded = confidence.clip(1e-4, 1 - 1e-4)
+    return np.asarray(np.log(bounded / (1 - bounded)))
+
+
+def platt(examples: Sequence[Example]) -> NDArray[np.float64]:
+    """Slope and intercept (2,) of the calibrated logit, printed with what they change."""
+    confidence = np.array([one.evidence[0] for one in examples])
+    right = np.array([one.right for one in examples])
+    line = fit(logit(confidence)[:, None], right)
+    after = probability(line, logit(confidence)[:, None])
+    truth = torch.from_numpy(right)
+    old, new = (
+        reliability(torch.from_numpy(values), truth).calibration_error
+        for values in (confidence, after)
+    )
+    print(
+        f"confidence: slope {line[0]:.3f}, intercept {line[1]:.3f} ({len(right)} poses, "
+        f"{right.mean():.0%} right, expected calibration error {old:.3f} before, {new:.3f} after)"
+    )
+    return line
+
+
+def calibrated(examples: Sequence[Example], line: NDArray[np.float64]) -> list[Example]:
+    """The examples with what a calibrated network would have said."""
+    confidence = np.array([one.evidence[0] for one in examples])
+    said = probability(line, logit(confidence)[:, None]).tolist()
+    return [
+        replace(one, evidence=(value, one.evidence[1]))
+        for one, value in zip(examples, said, strict=True)
+    ]
+
+
+def write_calibrated(weights: Path, line: NDArray[np.float64], path: Path) -> None:
+    """The network of a weights file with the line in the last layer of its confidence."""
+    loaded = load_network(weights)
+    network = loaded.network
+    assert isinstance(network, CompactCorrelationNet), "only a compact network is calibrated"
+    last = network.confidence_head[-1]
+    assert isinstance(last, torch.nn.Linear)
+    slope, intercept = line.tolist()
+    with torch.no_grad():
+        last.weight.mul_(slope)
+        last.bias.mul_(slope).add_(intercept)
+    save_network(network, path, loaded.facts)
 
 
 def candidates(
@@ -88,7 +182,8 @@ def candidates(
                         error = relative_error(mesh, one.pose, frame.pose)
                         assert one.evidence is not None
                         values = one.evidence.confidence, one.evidence.similarity
-                        yield from example(values, error if wanted is mesh else np.inf, wanted)
+                        error = error if wanted is mesh else np.inf
+                        yield Example(values, error, wanted.name)
 
 
 def tracked_frames(
@@ -117,7 +212,7 @@ def tracked_frames(
                 if result.pose is None or result.contour_agreement is None:
                     continue
                 error = np.inf if k in GONE else relative_error(mesh, result.pose, frame.pose)
-                yield from example((result.confidence, result.contour_agreement), error, mesh)
+                yield Example((result.confidence, result.contour_agreement), error, mesh.name)
 
 
 def relative_error(mesh: Mesh, found: Pose, true: Pose) -> float:
@@ -126,14 +221,9 @@ def relative_error(mesh: Mesh, found: Pose, true: Pose) -> float:
     return float(add_s(found, true, points, False)) / mesh.diameter
 
 
-def example(values: tuple[float, float], error: float, mesh: Mesh) -> Iterator[Example]:
-    """An example, unless the pose is neither right nor wrong."""
-    if not ADD_LIMIT <= error < BORDERLINE * ADD_LIMIT:
-        yield Example(values, error < ADD_LIMIT, mesh.name)
-
-
 def report(name: str, names: Sequence[str], examples: Sequence[Example]) -> None:
     """Print the weights, and how well those fitted without a mesh do on it."""
+    examples = [one for one in examples if not one.borderline]  # they teach nothing
     values = np.array([one.evidence for one in examples])
     right = np.array([one.right for one in examples])
     owner = np.array([one.mesh for one in examples])

@@ -9,6 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
+
+from moveit6d.networks.compact import CompactCorrelationNet
+from moveit6d.networks.inference import InferenceNetwork
+from moveit6d.networks.weights_file import load_network, save_network
+from tests.support.observations import an_observation
 
 
 @pytest.fixture(scope="module")
@@ -32,10 +38,42 @@ def test_the_weights_come_back(tool: Any) -> None:
     np.testing.assert_allclose(tool.fit(values, right), true, atol=0.4)
 
 
-def test_borderline_poses_teach_nothing(tool: Any, brick: Any, capsys: Any) -> None:
+def test_borderline_poses_teach_nothing(tool: Any, capsys: Any) -> None:
     errors = (0.05, 0.12, 0.2, float("inf"))
-    found = [one.right for error in errors for one in tool.example((0.5, 0.5), error, brick)]
-    assert found == [True, False, False]
-    examples = [tool.Example((a, a), a > 0.5, name) for name in "xy" for a in np.linspace(0, 1, 40)]
-    tool.report("VerificationConfig", ("confidence", "similarity"), examples)
-    assert "VerificationConfig: confidence" in capsys.readouterr().out
+    found = [tool.Example((0.5, 0.5), error, "x") for error in errors]
+    assert [one.borderline for one in found] == [False, True, False, False]
+    assert [one.right for one in found] == [True, False, False, False]
+    examples = [
+        tool.Example((a, a), 0.05 if a > 0.5 else 0.3, name)
+        for name in "xy"
+        for a in np.linspace(0, 1, 40)
+    ]
+    tool.report("VerificationConfig", ("confidence", "similarity"), [*examples, found[1]])
+    assert "80 poses, 50% right" in capsys.readouterr().out
+
+
+def test_a_calibrated_network_says_what_the_line_says(
+    tool: Any, tmp_path: Any, capsys: Any
+) -> None:
+    random = np.random.default_rng(0)
+    said = random.random(4000)
+    examples = [
+        # Right less often than said: by the square of it.
+        tool.Example((c, 0.3), 0.05 if random.random() < c * c else 0.3, "x")
+        for c in said
+    ]
+    line = tool.platt(examples)
+    better = tool.calibrated(examples, line)
+    assert abs(np.mean([one.evidence[0] for one in better]) - 1 / 3) < 0.03
+    torch.manual_seed(0)
+    save_network(CompactCorrelationNet(), tmp_path / "before.safetensors", {"steps": "7"})
+    tool.write_calibrated(tmp_path / "before.safetensors", line, tmp_path / "after.safetensors")
+    before, after = (load_network(tmp_path / f"{name}.safetensors") for name in ("before", "after"))
+    assert after.facts["steps"] == "7"
+    seen = an_observation(3)
+    one, other = (
+        InferenceNetwork(loaded.network, compute="float32")(seen) for loaded in (before, after)
+    )
+    expected = tool.probability(line, tool.logit(one.confidence.double().numpy())[:, None])
+    np.testing.assert_allclose(other.confidence.numpy(), expected, atol=1e-5)
+    torch.testing.assert_close(one.delta, other.delta)
