@@ -1,7 +1,7 @@
 """Fits the regressions that say how likely a pose is right, `VerificationConfig` and `StateConfig`.
 
     python tools/fit_probabilities.py --meshes MESHES --photos PHOTOS [--weights FILE]
-        [--calibrated FILE]
+        [--calibrated FILE] [--jobs 2]
 
 On synthetic pictures and sequences of training meshes that were held out (by the rule of
 `PairDataModule`), objects that are not there among them. Prints the weights and, cross-validated by
@@ -34,6 +34,7 @@ from moveit6d.evaluation.metrics import ADD_LIMIT, add_s, auroc
 from moveit6d.evaluation.metrics.calibration import reliability
 from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.weights_file import load_network, save_network
+from moveit6d.parallel import run_jobs
 from moveit6d.policies import SHIPPED_WEIGHTS, NetworkPolicy
 from moveit6d.synthesis.sequences.sequence import Scene
 from moveit6d.synthesis.single_images import make_cases
@@ -77,36 +78,64 @@ def main() -> None:
     parser.add_argument("--calibrated", type=Path, help="file for the calibrated network")
     parser.add_argument("--pictures", type=int, default=2, help="of each mesh and difficulty")
     parser.add_argument("--seed", type=int, default=0, help="of the pictures")
+    parser.add_argument("--jobs", type=int, default=1, help="meshes worked on at a time")
     args = parser.parse_args()
-    torch.set_num_threads(1)
     paths = PairDataModule(meshes=args.meshes).mesh_paths()[1]
-    meshes = [Mesh.load(path) for path in paths]
-    found = [frame.image for frame in open_frames(args.photos) if frame.image is not None]
-    photos = found[:: max(1, len(found) // PHOTOS)]
-    policy = load_policy(args.weights)
-    found_again = list(candidates(meshes, photos, policy, args.pictures, args.seed))
-    followed = list(tracked_frames(meshes, photos, policy, args.seed))
+    tasks = [
+        Task(path, paths[(number + 1) % len(paths)], args.seed + 10 * number, args.photos,
+             args.weights or SHIPPED_WEIGHTS, args.pictures)
+        for number, path in enumerate(paths)
+    ]  # fmt: skip
+    done = sorted(run_jobs(examples_of, tasks, jobs=args.jobs), key=lambda job: job.index)
+    gathered = [job.result for job in done if job.result is not None]
+    found, followed, refined = (
+        [one for result in gathered for one in result[kind]] for kind in range(3)
+    )
     if args.calibrated is not None:
-        known = [one for one in followed if np.isfinite(one.error)]
-        line = platt([*known, *refinements(meshes, photos, policy, args.seed)])
+        line = platt([*(one for one in followed if np.isfinite(one.error)), *refined])
         write_calibrated(args.weights or SHIPPED_WEIGHTS, line, args.calibrated)
-        found_again, followed = calibrated(found_again, line), calibrated(followed, line)
-    report("VerificationConfig", ("confidence", "similarity"), found_again)
+        found, followed = calibrated(found, line), calibrated(followed, line)
+    report("VerificationConfig", ("confidence", "similarity"), found)
     report("StateConfig", ("confidence", "agreement"), followed)
 
 
+@dataclass(frozen=True)
+class Task:
+    """One mesh, another one that is not in its pictures, and what the pictures are made with."""
+
+    mesh: Path
+    other: Path
+    seed: int
+    photos: Path
+    weights: Path
+    pictures: int
+
+
+def examples_of(task: Task) -> tuple[list[Example], list[Example], list[Example]]:
+    """Examples of one mesh: of detections, of tracks, of refinements."""
+    torch.set_num_threads(1)
+    meshes = [Mesh.load(path) for path in (task.mesh, task.other)]
+    found = [frame.image for frame in open_frames(task.photos) if frame.image is not None]
+    photos = found[:: max(1, len(found) // PHOTOS)]
+    policy = load_policy(task.weights)
+    return (
+        list(candidates(meshes, photos, policy, task.pictures, task.seed)),
+        list(tracked_frames(meshes[0], photos, policy, task.seed)),
+        list(refinements(meshes[0], photos, policy, task.seed)),
+    )
+
+
 def refinements(
-    meshes: Sequence[Mesh], photos: Sequence[NDArray[np.uint8]], policy: NetworkPolicy, seed: int
+    mesh: Mesh, photos: Sequence[NDArray[np.uint8]], policy: NetworkPolicy, seed: int
 ) -> Iterator[Example]:
     """Where refinements of single pictures end, from near and from far starts."""
     renderer = make_renderer()
     for number, (cluster, occluded) in enumerate(STARTS):
         cases = make_cases(
-            meshes, photos, renderer, cluster=cluster, occluded=occluded,
-            number=REFINED * len(meshes), seed=seed + number,
+            [mesh], photos, renderer, cluster=cluster, occluded=occluded, number=REFINED,
+            seed=seed + number,
         )  # fmt: skip
         for case in cases:
-            mesh = case.target.mesh
             result = refine_single([case.target], policy=policy, renderer=renderer)[0]
             if result.pose is not None:
                 error = relative_error(mesh, result.pose, case.truth)
@@ -165,54 +194,50 @@ def candidates(
     meshes: Sequence[Mesh], photos: Sequence[NDArray[np.uint8]], policy: NetworkPolicy,
     pictures: int, seed: int,
 ) -> Iterator[Example]:  # fmt: skip
-    """Where detections end, of the object in the picture and of one that is not there."""
-    renderer, store = make_renderer(), TemplateStore()
-    for number, mesh in enumerate(meshes):
-        other = meshes[(number + 1) % len(meshes)]
-        for order, difficulty in enumerate(DIFFICULTIES):
-            scene = Scene(mesh, seed + 10 * number + order, FRAMES, difficulty, photos)
-            for k in range(pictures):
-                frame = scene.render_frame(k * FRAMES // pictures)
-                for wanted in (mesh, other):
-                    detector = PoseDetector(
-                        wanted, scene.camera, policy=policy, renderer=renderer, store=store
-                    )
-                    seen = detector.detect(frame.image)
-                    for one in (*seen.instances, *seen.rejected):
-                        error = relative_error(mesh, one.pose, frame.pose)
-                        assert one.evidence is not None
-                        values = one.evidence.confidence, one.evidence.similarity
-                        error = error if wanted is mesh else np.inf
-                        yield Example(values, error, wanted.name)
+    """Where detections end, of the first mesh, which is in the pictures, and of the other."""
+    renderer, store, mesh = make_renderer(), TemplateStore(), meshes[0]
+    for order, difficulty in enumerate(DIFFICULTIES):
+        scene = Scene(mesh, seed + order, FRAMES, difficulty, photos)
+        for k in range(pictures):
+            frame = scene.render_frame(k * FRAMES // pictures)
+            for wanted in meshes:
+                detector = PoseDetector(
+                    wanted, scene.camera, policy=policy, renderer=renderer, store=store
+                )
+                seen = detector.detect(frame.image)
+                for one in (*seen.instances, *seen.rejected):
+                    error = relative_error(mesh, one.pose, frame.pose)
+                    assert one.evidence is not None
+                    values = one.evidence.confidence, one.evidence.similarity
+                    yield Example(values, error if wanted is mesh else np.inf, wanted.name)
 
 
 def tracked_frames(
-    meshes: Sequence[Mesh], photos: Sequence[NDArray[np.uint8]], policy: NetworkPolicy, seed: int
+    mesh: Mesh, photos: Sequence[NDArray[np.uint8]], policy: NetworkPolicy, seed: int
 ) -> Iterator[Example]:
     """Frames of tracks in which the object goes away for a while."""
     from PIL import Image
 
     random = np.random.default_rng(seed)
-    for number, mesh in enumerate(meshes):
-        for order, difficulty in enumerate(DIFFICULTIES):
-            scene = Scene(mesh, seed + 500 + 10 * number + order, FRAMES, difficulty, photos)
-            size = (scene.camera.width, scene.camera.height)
-            tracker = PoseTracker(
-                mesh, scene.camera, scene.render_frame(0).pose, policy=policy, config=NEVER
-            )
-            for k in range(1, FRAMES):
-                frame = scene.render_frame(k)
-                image = frame.image
-                if k in GONE:
-                    photo = photos[int(random.integers(len(photos)))]
-                    image = np.array(Image.fromarray(photo).resize(size))
-                result = tracker.update(image)
-                if k == GONE[-1]:
-                    tracker.reset(frame.pose)
-                if result.pose is None or result.contour_agreement is None:
-                    continue
-                error = np.inf if k in GONE else relative_error(mesh, result.pose, frame.pose)
-                yield Example((result.confidence, result.contour_agreement), error, mesh.name)
+    for order, difficulty in enumerate(DIFFICULTIES):
+        scene = Scene(mesh, seed + 500 + order, FRAMES, difficulty, photos)
+        size = (scene.camera.width, scene.camera.height)
+        tracker = PoseTracker(
+            mesh, scene.camera, scene.render_frame(0).pose, policy=policy, config=NEVER
+        )
+        for k in range(1, FRAMES):
+            frame = scene.render_frame(k)
+            image = frame.image
+            if k in GONE:
+                photo = photos[int(random.integers(len(photos)))]
+                image = np.array(Image.fromarray(photo).resize(size))
+            result = tracker.update(image)
+            if k == GONE[-1]:
+                tracker.reset(frame.pose)
+            if result.pose is None or result.contour_agreement is None:
+                continue
+            error = np.inf if k in GONE else relative_error(mesh, result.pose, frame.pose)
+            yield Example((result.confidence, result.contour_agreement), error, mesh.name)
 
 
 def relative_error(mesh: Mesh, found: Pose, true: Pose) -> float:
