@@ -117,7 +117,7 @@ class PairDataModule(pl.LightningDataModule):
         paths = mesh_files(self.folder)
         if len(paths) <= self.holdout:
             raise InputError(
-                f"Mesh folder {self.folder} holds {len(paths)} .glb, .obj, .ply or .stl files; "
+                f"Mesh folder {self.folder} holds {len(paths)} mesh files; "
                 f"with holdout {self.holdout} more are needed."
             )
         every = len(paths) // self.holdout if self.holdout else len(paths) + 1
