@@ -49,7 +49,7 @@ def test_signals_keep_what_was_done(make_sequence: Make, tmp_path: Path, number:
             process.send_signal(number)
             break
         time.sleep(0.02)
-    said = process.communicate(timeout=60)[1]
+    said = process.communicate(timeout=300)[1]
     assert 2 <= len(read_poses(table)) < 5
     if number == signal.SIGKILL:
         assert process.returncode == -signal.SIGKILL
