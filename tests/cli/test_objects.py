@@ -17,6 +17,7 @@ from moveit6d.cli.main import main
 from moveit6d.cli.objects import load_meshes, object_names, read_starts, wants_paint
 
 FLAGS = {"allow_untextured": False, "texture_from_start": False}
+UNKNOWN = dict.fromkeys(("box", "mask", "points", "distance"))
 
 
 def test_names_are_file_names_and_numbered_where_they_are_the_same() -> None:
@@ -57,7 +58,7 @@ def test_a_mesh_without_colours_is_not_passed_over(brick_file: Path, capsys: Any
     assert capsys.readouterr().err == ""
     assert wants_paint(Namespace(start=["x"], texture_from_start=True), [plain])
     with pytest.raises(InputError, match="give --start"):
-        wants_paint(Namespace(start=None, texture_from_start=True), [plain])
+        wants_paint(Namespace(start=None, texture_from_start=True, **UNKNOWN), [plain])
 
 
 def test_two_objects_are_tracked_side_by_side(

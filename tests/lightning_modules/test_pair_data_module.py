@@ -61,7 +61,7 @@ def test_a_folder_with_too_few_meshes_is_refused(tmp_path: Path) -> None:
         PairDataModule(meshes=folder_of(tmp_path, 3)).mesh_paths()
     empty = tmp_path / "empty"
     empty.mkdir()
-    with pytest.raises(InputError, match="holds no .* file"):
+    with pytest.raises(InputError, match=r"holds no .* file"):
         PairDataModule(occluders=empty).source()
 
 

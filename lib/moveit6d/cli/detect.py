@@ -19,6 +19,7 @@ from .common import (
     add_verb,
     positive,
 )
+from .narrowing import add_narrowing_options
 from .seed_options import add_seed_options
 
 DESCRIPTION = """\
@@ -71,7 +72,8 @@ def add_parser(verbs: Any) -> None:
     dataset.add_argument("--dataset", type=Path, metavar="DIR", help="BOP data set")
     dataset.add_argument("--split", metavar="NAME", help="folder in it, as test")
     dataset.add_argument("--targets", type=Path, metavar="FILE", help="what is to be found")
-    add_narrowing_options(parser)
+    known = add_narrowing_options(parser)
+    known.add_argument("--start", type=Path, metavar="FILE", help="a pose that is roughly right")
     parser.add_argument(
         "--method",
         choices=("templates", "seeds"),
@@ -86,35 +88,6 @@ def add_parser(verbs: Any) -> None:
     add_tracking_options(parser)
     add_untextured_option(parser)
     parser.set_defaults(run=run)
-
-
-def add_narrowing_options(parser: argparse.ArgumentParser) -> None:
-    """What is known of where the object is."""
-    known = parser.add_argument_group("what is known")
-    known.add_argument(
-        "--box",
-        type=float,
-        nargs=4,
-        metavar=("X", "Y", "W", "H"),
-        help="left, top, width and height, pixels, around what is visible of the object",
-    )
-    known.add_argument(
-        "--mask", type=Path, metavar="FILE", help="picture that is not black on the object"
-    )
-    known.add_argument(
-        "--points",
-        type=Path,
-        metavar="FILE",
-        help="CSV of four or more rows u,v,x,y,z: pixels, and where they are in the mesh file",
-    )
-    known.add_argument(
-        "--distance",
-        type=float,
-        nargs=2,
-        metavar=("MIN", "MAX"),
-        help="metres from the camera to the object",
-    )
-    known.add_argument("--start", type=Path, metavar="FILE", help="a pose that is roughly right")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -19,6 +19,7 @@ from .camera_options import camera_of
 from .common import Setting, given, make_tools, new_folder, run_facts, versions, weights_facts
 from .journal import Journal, pose_line, pose_of
 from .messages import note, progress
+from .narrowing import clicked, known_of
 from .seed_options import DEST as SEEDS
 from .seed_options import seeds_of
 
@@ -224,16 +225,10 @@ def _detector(
 
 def _known(args: argparse.Namespace) -> dict[str, Any]:
     """What is known of where the object is, as `PoseDetector.detect` takes it."""
-    from ..estimation.detection.points import read_points
     from ..geometry.pose import Pose
 
-    return {
-        "box": args.box,
-        "mask": None if args.mask is None else read_mask(args.mask),
-        "points": None if args.points is None else read_points(args.points, args.mesh_unit),
-        "distance": args.distance,
-        "start": None if args.start is None else Pose.load(args.start),
-    }
+    start = None if args.start is None else Pose.load(args.start)
+    return {**known_of(args, args.mesh_unit), "start": start}
 
 
 def _answered(
@@ -265,7 +260,7 @@ def _detected(
     poses = tuple((one.pose, one.probability, one.result.iterations) for one in found.instances)
     facts = _facts(found)
     if known["points"] is not None and not poses:
-        pose, error = _clicked(known["points"], detector.camera)
+        pose, error = clicked(known["points"], detector.camera)
         note(
             f"{frame.name}: the image does not confirm the pose of --points (probability "
             f"{found.probability:.2f}), which is written as they say; they are {error:.1f} pixels "
@@ -274,14 +269,6 @@ def _detected(
         poses = ((pose, found.probability, 0),)
         facts[POINTS_ERROR] = round(error, 2)
     return _Answer(poses, found.probability, spent, facts)
-
-
-def _clicked(points: Any, camera: Camera) -> tuple[Pose, float]:
-    """The pose that points say, and how far they are off it."""
-    from ..estimation.detection.points import poses_from_points, reprojection_error
-
-    pose = poses_from_points(points, camera)[0]
-    return pose, reprojection_error(points, pose, camera)
 
 
 def _facts(found: Detection) -> dict[str, Any]:
@@ -314,13 +301,3 @@ def _from_line(line: dict[str, Any]) -> _Answer:
         (pose_of(pose), probability, iterations) for pose, probability, iterations in line["poses"]
     )
     return _Answer(**{**line, "poses": poses})
-
-
-def read_mask(path: Path) -> Any:
-    """A mask picture (H, W), not zero on the object; alpha is ignored."""
-    import numpy as np
-
-    from ..datasets.video import opened_image
-
-    with opened_image(path) as mask:
-        return np.asarray(mask.convert("L")) > 0

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from .messages import detail, note
+from .narrowing import is_narrowed
 
 if TYPE_CHECKING:
     from ..config import TextureConfig
@@ -76,8 +77,10 @@ def wants_paint(args: argparse.Namespace, meshes: Sequence[Mesh], remembered: bo
     `remembered`: their looks are learnt from keyframes, and nothing needs to be said.
     """
     plain = [mesh.name for mesh in meshes if not mesh.has_colours]
-    if args.texture_from_start and not args.start:
-        raise InputError("--texture_from_start needs the pose in the first frame: give --start.")
+    if args.texture_from_start and not (args.start or is_narrowed(args)):
+        raise InputError(
+            "--texture_from_start needs the pose in the first frame: give --start or --points."
+        )
     if plain and not (args.texture_from_start or remembered):
         note(
             f"{', '.join(plain)} has no colours, which makes it hard to follow; with "

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ..config import TrackerConfig
 from ..errors import InputError
 from .common import plain
+from .narrowing import NAMES as NARROWING
 from .settings import fields_of
 
 if TYPE_CHECKING:
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
     from ..evaluation.run_tracker import AnyTracker
 
 # What a run goes by: a track that was begun with others cannot be gone on with.
-SAME = ("mesh", "mesh_unit", "video", "camera", "fov", "start", "weights", "exact_start")
+SAME = ("mesh", "mesh_unit", "video", "camera", "fov", "start", "weights", "exact_start",
+        *NARROWING)  # fmt: skip
 MISSING = object()
 
 

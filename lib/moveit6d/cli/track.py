@@ -28,6 +28,7 @@ from .common import (
 )
 from .earlier import clear_earlier
 from .messages import progress
+from .narrowing import add_narrowing_options, check_first, first_pose, is_narrowed, known_of
 from .objects import load_meshes, object_names, painted, peek, read_starts, wants_paint
 from .reporting import check_report, reporting, rerun_log
 from .resuming import earlier_rows, going_on
@@ -39,7 +40,8 @@ if TYPE_CHECKING:
 DESCRIPTION = (
     """\
 Finds the pose in every frame, each starting from the one before; the first frame starts from
---start, or from where the object is found. A frame that cannot be used (damaged, of another size)
+--start, or from where the object is found, in the whole image or where --box, --mask, --points
+and --distance say. A frame that cannot be used (damaged, of another size)
 is recorded and the track goes on with the next one. A start must be roughly right: within about a
 quarter of the object's width and 20 degrees. A lost object is looked for, near where it was and
 then in the whole image, and followed again once it is found.
@@ -110,6 +112,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
     parser.add_argument("--rerun", type=Path, metavar="FILE", help="write an .rrd for rerun")
+    add_narrowing_options(parser, " of the first frame, instead of --start")
     add_tracking_options(parser)
     parser.set_defaults(run=run)
 
@@ -150,11 +153,12 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.live import Latest
     from ..datasets.pose_files import PoseWriter, track_columns
     from ..datasets.video import Prefetched, is_live, open_frames
-    from ..estimation import PoseTracker, TemplateStore
+    from ..estimation import PoseDetector, PoseTracker, TemplateStore
     from ..estimation.detection import default_store
     from ..evaluation.run_tracker import TrackSummary, calibrating, run_tracker
     from .drawing import draw_step
 
+    check_first(args)
     meshes = _meshes(args)
     starts, frames = read_starts(args, len(meshes)), open_frames(args.video)
     camera = camera_of(args, frames)
@@ -163,6 +167,14 @@ def run(args: argparse.Namespace) -> int:
     policy, renderer = make_tools(setting)
     # What is live and read ahead would show the past.
     ahead = iter(Latest(frames) if is_live(frames) else Prefetched(frames))
+    store = TemplateStore(default_store())
+    if is_narrowed(args):
+        first, ahead = peek(ahead)
+        detector = PoseDetector(
+            meshes[0], camera, policy=policy, renderer=renderer, config=setting.config,
+            store=store, threads=setting.threads,
+        )  # fmt: skip
+        starts = [first_pose(detector, first, known_of(args, args.mesh_unit[0]))]
     if wants_paint(args, meshes, setting.config.keyframes.enabled):
         first, ahead = peek(ahead)
         meshes = painted(meshes, starts, first, camera, setting.config.texture)
@@ -173,7 +185,7 @@ def run(args: argparse.Namespace) -> int:
         policy=policy,
         renderer=renderer,
         config=setting.config,
-        store=TemplateStore(default_store()),
+        store=store,
         threads=setting.threads,
     )
     names = object_names(args.mesh)

@@ -1,0 +1,121 @@
+"""What is known of where an object is: the options, and the pose in a first frame by them.
+
+Never tracks.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+from .messages import note
+
+if TYPE_CHECKING:
+    from ..datasets.video import VideoFrame
+    from ..estimation.detection import PoseDetector
+    from ..geometry.camera import Camera
+    from ..geometry.pose import Pose
+
+NAMES = ("box", "mask", "points", "distance")
+
+
+def add_narrowing_options(parser: argparse.ArgumentParser, where: str = "") -> Any:
+    """Options that say where the object is, in a group of their own; `where`: in which image."""
+    known = parser.add_argument_group(f"what is known{where}")
+    known.add_argument(
+        "--box",
+        type=float,
+        nargs=4,
+        metavar=("X", "Y", "W", "H"),
+        help="left, top, width and height, pixels, around what is visible of the object",
+    )
+    known.add_argument(
+        "--mask", type=Path, metavar="FILE", help="picture that is not black on the object"
+    )
+    known.add_argument(
+        "--points",
+        type=Path,
+        metavar="FILE",
+        help="CSV of four or more rows u,v,x,y,z: pixels, and where they are in the mesh file",
+    )
+    known.add_argument(
+        "--distance",
+        type=float,
+        nargs=2,
+        metavar=("MIN", "MAX"),
+        help="metres from the camera to the object",
+    )
+    return known
+
+
+def is_narrowed(args: argparse.Namespace) -> bool:
+    """Whether one of the options is given."""
+    return any(getattr(args, name) is not None for name in NAMES)
+
+
+def check_first(args: argparse.Namespace) -> None:
+    """`InputError` where the options do not go with the others of `track`."""
+    if not is_narrowed(args):
+        return
+    if len(args.mesh) > 1:
+        raise InputError(
+            "--box, --mask, --points and --distance are for one object; of several give a --start "
+            "for each."
+        )
+    if args.start:
+        raise InputError("--start says the pose; leave out --box, --mask, --points and --distance.")
+
+
+def known_of(args: argparse.Namespace, unit: str) -> dict[str, Any]:
+    """What the options say, as `PoseDetector.detect` takes it; `unit` is that of the points."""
+    from ..estimation.detection.points import read_points
+
+    return {
+        "box": args.box,
+        "mask": None if args.mask is None else read_mask(args.mask),
+        "points": None if args.points is None else read_points(args.points, unit),
+        "distance": args.distance,
+    }
+
+
+def first_pose(detector: PoseDetector, first: VideoFrame, known: dict[str, Any]) -> Pose | None:
+    """The pose in a video's first frame by what is known; None, and a note, if it is not found.
+
+    Points that the image does not confirm are believed as they are.
+    """
+    if first.image is None:
+        raise InputError(f"the first frame is no use: {first.error}")
+    found = detector.detect(first.image, **known)
+    if found.pose is not None:
+        return found.pose
+    doubt = f"(probability {found.probability:.2f})"
+    if known["points"] is not None:
+        pose, error = clicked(known["points"], detector.camera)
+        note(
+            f"the first frame does not confirm the pose of --points {doubt}, which is taken as "
+            f"they say; they are {error:.1f} pixels off it."
+        )
+        return pose
+    note(f"the object is not found in the first frame where it should be {doubt}; it is looked for "
+         "in the whole image.")  # fmt: skip
+    return None
+
+
+def clicked(points: Any, camera: Camera) -> tuple[Pose, float]:
+    """The pose that points say, and how many pixels they are off it."""
+    from ..estimation.detection.points import poses_from_points, reprojection_error
+
+    pose = poses_from_points(points, camera)[0]
+    return pose, reprojection_error(points, pose, camera)
+
+
+def read_mask(path: Path) -> Any:
+    """A mask picture (H, W), not zero on the object; alpha is ignored."""
+    import numpy as np
+
+    from ..datasets.video import opened_image
+
+    with opened_image(path) as mask:
+        return np.asarray(mask.convert("L")) > 0

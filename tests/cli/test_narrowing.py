@@ -1,0 +1,92 @@
+"""What is known of where an object is in a video's first frame."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from moveit6d import InputError
+from moveit6d.cli.main import main
+from moveit6d.cli.narrowing import check_first, is_narrowed
+from moveit6d.datasets.pose_files import read_poses
+from moveit6d.geometry.pose import Pose
+
+Make = Callable[..., Any]
+NOTHING: dict[str, Any] = dict.fromkeys(("box", "mask", "points", "distance", "start"))
+
+
+@pytest.fixture
+def made(make_sequence: Make, scene: Any) -> Any:
+    """A clip of the brick, and a file of the pixels of its corners in the first frame."""
+    made = make_sequence("clip", frames=3)
+    corners = torch.from_numpy(scene.mesh.vertices[::9].astype(float) + scene.mesh.center)
+    pixels = scene.camera.project(made.poses[0].transform(corners))
+    rows = torch.cat([pixels, corners], 1).numpy()
+    np.savetxt(made.folder / "points.csv", rows, delimiter=",")
+    return made
+
+
+def track(made: Any, *more: str) -> int:
+    words = {
+        "--mesh": "mesh.ply", "--video": "frames", "--camera": "camera.json", "--output": "out",
+    }  # fmt: skip
+    files = [word for name, file in words.items() for word in (name, str(made.folder / file))]
+    return main(["track", *files, "--mesh_unit", "m", "--no_overlay", *more])
+
+
+def first(made: Any) -> Pose:
+    pose = read_poses(made.folder / "out" / "poses.csv")[0].pose
+    assert pose is not None
+    return pose
+
+
+def off(pose: Pose, true: Pose) -> float:
+    return float((pose.translation - true.translation).norm())
+
+
+def test_a_track_begins_at_clicked_points(made: Any) -> None:
+    assert track(made, "--points", str(made.folder / "points.csv")) == 0
+    assert off(first(made), made.poses[0]) < 0.01
+
+
+def test_a_track_begins_in_a_box(made: Any, scene: Any, capsys: Any) -> None:
+    u, v = scene.camera.project(scene.mesh.inner(made.poses[0]).translation).tolist()
+    box = [str(round(value)) for value in (u - 22, v - 18, 44, 36)]
+    assert track(made, "--box", *box, "--distance", "0.3", "0.8") == 0
+    assert off(first(made), made.poses[0]) < 0.01
+    # Where it is not, the whole image follows.
+    assert track(made, "--distance", "3", "4") == 0
+    assert "is not found in the first frame where it should be" in capsys.readouterr().err
+    assert off(first(made), made.poses[0]) < 0.01
+
+
+def test_points_do_for_a_mesh_without_colours(made: Any, scene: Any, capsys: Any) -> None:
+    rows = [f"v {x} {y} {z}" for x, y, z in scene.mesh.vertices + scene.mesh.center]
+    rows += [f"f {a} {b} {c}" for a, b, c in scene.mesh.faces + 1]
+    plain: Path = made.folder / "plain.obj"
+    plain.write_text("\n".join(rows))
+    points = str(made.folder / "points.csv")
+    assert main([
+        "track", "--mesh", str(plain), "--mesh_unit", "m", "--video", str(made.folder / "frames"),
+        "--camera", str(made.folder / "camera.json"), "--output", str(made.folder / "out"),
+        "--no_overlay", "--points", points, "--texture_from_start",
+    ]) == 0  # fmt: skip
+    assert off(first(made), made.poses[0]) < 0.01
+
+
+def test_what_does_not_go_together_is_refused(made: Any, capsys: Any) -> None:
+    assert not is_narrowed(Namespace(**NOTHING))
+    check_first(Namespace(**NOTHING, mesh=["a", "b"]))
+    with pytest.raises(InputError, match="are for one object"):
+        check_first(Namespace(**{**NOTHING, "box": [1, 2, 3, 4]}, mesh=["a", "b"]))
+    points, start = str(made.folder / "points.csv"), str(made.folder / "start.json")
+    assert track(made, "--points", points, "--start", start) == 2
+    assert "--start says the pose" in capsys.readouterr().err
+    assert track(made, "--points", points, "--exact_start") == 2
+    assert "--exact_start needs the pose" in capsys.readouterr().err
