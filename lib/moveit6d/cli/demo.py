@@ -16,6 +16,7 @@ from .common import (
     positive,
 )
 from .messages import progress_bar
+from .narrowing import NAMES as NARROWING
 from .synthesize import DIFFICULTIES
 
 if TYPE_CHECKING:
@@ -88,6 +89,7 @@ def run(args: argparse.Namespace) -> int:
         "video": str(folder / "frames"),
         "camera": folder / "camera.json",
         "start": [folder / "start.json"],
+        **dict.fromkeys(NARROWING),
         "texture_from_start": False,
         "output": args.output / "track",
         "exact_start": True,

@@ -167,27 +167,18 @@ def run(args: argparse.Namespace) -> int:
     policy, renderer = make_tools(setting)
     # What is live and read ahead would show the past.
     ahead = iter(Latest(frames) if is_live(frames) else Prefetched(frames))
-    store = TemplateStore(default_store())
+    tools: dict[str, Any] = {
+        "policy": policy, "renderer": renderer, "config": setting.config,
+        "store": TemplateStore(default_store()), "threads": setting.threads,
+    }  # fmt: skip
     if is_narrowed(args):
         first, ahead = peek(ahead)
-        detector = PoseDetector(
-            meshes[0], camera, policy=policy, renderer=renderer, config=setting.config,
-            store=store, threads=setting.threads,
-        )  # fmt: skip
+        detector = PoseDetector(meshes[0], camera, **tools)
         starts = [first_pose(detector, first, known_of(args, args.mesh_unit[0]))]
     if wants_paint(args, meshes, setting.config.keyframes.enabled):
         first, ahead = peek(ahead)
         meshes = painted(meshes, starts, first, camera, setting.config.texture)
-    tracker = PoseTracker(
-        meshes,
-        camera,
-        starts,
-        policy=policy,
-        renderer=renderer,
-        config=setting.config,
-        store=store,
-        threads=setting.threads,
-    )
+    tracker = PoseTracker(meshes, camera, starts, **tools)
     names = object_names(args.mesh)
     output = new_folder(args.output)
     records = [TrackSummary() for _ in meshes]
