@@ -19,7 +19,6 @@ from moveit6d.networks.kinds import MatchingNet, PoseNet
 from moveit6d.networks.matching import centred, encoder_pictures
 from moveit6d.networks.weights_file import load_network
 from moveit6d.observation import Observation
-from moveit6d.policies import SHIPPED_WEIGHTS
 
 Features = tuple[Tensor, Tensor]  # of image and rendering (2 B, C, …) at strides 4 and 8
 
@@ -28,12 +27,12 @@ class Teacher:
     """The encoder in a weights file.
 
     Args:
-        path: weights file of a network with an encoder; `shipped`: the one of the package.
+        path: weights file of a network with an encoder.
         student: the network that is to learn from it; `InputError` if it cannot.
     """
 
-    def __init__(self, path: Path | str, student: PoseNet) -> None:
-        network = load_network(SHIPPED_WEIGHTS if str(path) == "shipped" else Path(path)).network
+    def __init__(self, path: Path, student: PoseNet) -> None:
+        network = load_network(path).network
         if not isinstance(student, CompactCorrelationNet) or isinstance(network, ActionNet):
             raise InputError("model.teacher: only a compact network learns from an encoder.")
         sizes = network.config.channels

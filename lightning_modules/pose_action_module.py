@@ -53,8 +53,8 @@ class PoseActionModule(pl.LightningModule):
         minutes: length of the schedule in time, if that ends first: for machines that are lent.
         matching_steps: first steps in which only the matching reaches the encoder.
         weights: weights of the loss terms.
-        teacher: weights file whose encoder that of a compact network imitates at first, or
-            `shipped`; None: nobody's.
+        teacher: weights file whose encoder that of a compact network imitates at first; None:
+            nobody's.
         teacher_steps: steps in which the weight of that falls to nothing.
         init_from: weights file (.safetensors) to start from instead of random numbers; of a network
             of the same sizes as `network` or a shallower one (`begin_from`), if there is one.
@@ -72,7 +72,7 @@ class PoseActionModule(pl.LightningModule):
         weight_decay: float = 1e-4,
         matching_steps: int = 500,
         weights: LossWeights | None = None,
-        teacher: Path | str | None = None,
+        teacher: Path | None = None,
         teacher_steps: int = 8000,
         init_from: Path | None = None,
     ) -> None:

@@ -43,6 +43,9 @@ def main() -> int:
     no_caches = shutil.ignore_patterns("__pycache__", "*.safetensors")
     for name in ("lib/moveit6d", "lightning_modules", "configs"):
         shutil.copytree(ROOT / name, code / name, ignore=no_caches)
+    teacher = Path("examples/correlation/multi_object.safetensors")  # of configs/fit/compact.yaml
+    (code / teacher).parent.mkdir(parents=True)
+    shutil.copy(ROOT / teacher, code / teacher)
     for name in ("train_on_gpu.sh", "probe_gpu.py"):
         shutil.copy(ROOT / "tools" / name, args.output)
     (args.output / "meshes").mkdir()

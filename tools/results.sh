@@ -13,6 +13,8 @@ shift
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
+larger=(--weights examples/correlation/multi_object.safetensors)
+
 run() { # a verb, shown and run
     shown moveit6d "$@"
     .venv/bin/moveit6d "$@" | sed "s#$work/##g"
@@ -78,21 +80,22 @@ one_refinement() { # "CLUSTER COVERED" and further options
 }
 options() {
     local start
-    printf '# What single options bring\n\nThe shipped network in the paper'"'"'s mode of single actions; '
+    printf '# What single options bring\n\nThe larger network of `examples/correlation` in the paper'"'"'s mode of single actions; '
     printf 'without multi-start refinement; without calibration; without contour refinement as well.\n\n'
     for start in "all_small 0" "all_large 0"; do
-        one_refinement "$start" --no_contour
-        one_refinement "$start" --no_contour --mode single
+        one_refinement "$start" --no_contour "${larger[@]}"
+        one_refinement "$start" --no_contour --mode single "${larger[@]}"
     done
-    one_refinement "all_large 1" --no_multi_start
-    run benchmark tracking --sequences "$shared/bench/sequences" --no_calibration
-    run benchmark tracking --sequences "$shared/bench/sequences" --no_calibration --no_contour
+    one_refinement "all_large 1" --no_multi_start "${larger[@]}"
+    run benchmark tracking --sequences "$shared/bench/sequences" --no_calibration "${larger[@]}"
+    run benchmark tracking --sequences "$shared/bench/sequences" --no_calibration --no_contour \
+        "${larger[@]}"
 }
 single_actions() {
     local data=$shared/data/real/lmo_dev start
-    local mode=(--mode single --no_contour)
-    printf '# The paper'"'"'s policy: one of 13 actions an iteration\n\nThe shipped network without what goes '
-    printf 'past the paper: contour refinement, multi-start refinement and calibration.\n\n'
+    local mode=(--mode single --no_contour "${larger[@]}")
+    printf '# The paper'"'"'s policy: one of 13 actions an iteration\n\nThe larger network of '
+    printf '`examples/correlation` without what goes past the paper: contour refinement, multi-start refinement and calibration.\n\n'
     both_tracked "${mode[@]}" --no_calibration
     for start in small large keypoint_rgb; do
         run refine --dataset "$data" --split test --initial "$data/initial_$start.csv" \
@@ -118,7 +121,8 @@ paper_network() {
 surrogates() {
     local objects=$shared/data/dev_objects dino=gso_dino_figure_occlusion_0 boot=gso_boot_occlusion_0
     printf '# The paper'"'"'s tables and figures on surrogates\n\n'
-    printf 'Rendered objects in the formats of Laval and YCB-Video, not those data sets themselves.\n\n'
+    printf 'Rendered objects in the formats of Laval and YCB-Video, not those data sets themselves; with the larger network of '
+    printf '`examples/correlation`.\n\n'
     run synthesize sequence --format laval --output "$work/laval" --frames 45 \
         --mesh "$objects/gso_boot.glb" "$objects/gso_dino_figure.glb" \
         --photos "$shared/data/dev_photos"
@@ -138,7 +142,7 @@ surrogates() {
     cp "$work"/{ycb,out}/*.png docs/results/surrogates
 }
 reproduce() { # its headings one level down, under ours
-    run reproduce "$@" | sed 's/^#/##/'
+    run reproduce "$@" "${larger[@]}" | sed 's/^#/##/'
 }
 iteration() {
     printf '# Time of one iteration\n\n'

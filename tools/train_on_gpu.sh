@@ -35,4 +35,5 @@ python3 -W ignore /tmp/moveit6d-fit.py --config "$here/code/configs/fit/compact.
     --data.meshes "$here/meshes" --data.photos "$here/photos" --output "$out" \
     --trainer.logger false --trainer.limit_val_batches 0 --trainer.max_time "$limit" \
     --trainer.max_steps 1000000 --model.total_steps 1000000 --model.minutes "$minutes" \
+    --model.teacher "$here/code/examples/correlation/multi_object.safetensors" \
     --checkpoint.every_n_train_steps 500 --export.every_n_steps 500 "$@" 2>&1 | tee "$out/log.txt"

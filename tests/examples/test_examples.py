@@ -19,7 +19,6 @@ from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3, log_so3
 from moveit6d.networks.action_net import ActionNet
-from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
 from moveit6d.networks.inference import InferenceNetwork
 from moveit6d.networks.weights_file import load_network, save_network
@@ -308,7 +307,6 @@ def test_weights_of_examples_are_what_their_folder_says(weights: Path) -> None:
     kinds = {
         "object_specific": ActionNet,
         "paper_network": ActionNet,
-        "compact": CompactCorrelationNet,
     }
     assert type(network) is kinds.get(weights.parent.name, CorrelationNet)
     seen = an_observation(2)

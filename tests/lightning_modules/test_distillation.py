@@ -59,4 +59,4 @@ def test_encoders_of_other_sizes_and_other_networks_are_refused(tmp_path: Path) 
     with pytest.raises(InputError, match=r"\(24, 64\) channels at strides 4 and 8"):
         Teacher(tmp_path / "thin.st", CompactCorrelationNet())
     with pytest.raises(InputError, match="only a compact network"):
-        Teacher("shipped", ActionNet())
+        Teacher(tmp_path / "thin.st", ActionNet())

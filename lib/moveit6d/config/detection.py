@@ -173,9 +173,9 @@ class VerificationConfig:
         intercept: intercept of the regression.
     """
 
-    confidence: float = 11.0
-    similarity: float = 8.5
-    intercept: float = -15.8
+    confidence: float = 7.0
+    similarity: float = 8.3
+    intercept: float = -11.4
 
 
 @dataclass(frozen=True)

@@ -34,9 +34,9 @@ class StateConfig:
             tracked; until then it is uncertain.
     """
 
-    confidence: float = 11.5
-    agreement: float = 4.5
-    intercept: float = -9.8
+    confidence: float = 8.2
+    agreement: float = 2.85
+    intercept: float = -5.4
     usual_agreement: float = 0.4
     confirmed: float = 0.5
     doubted: float = 0.3
