@@ -8,7 +8,7 @@ from moveit6d.synthesis.objects.demo_object import demo_object
 
 
 def test_a_still_object_costs_one_iteration_and_a_fast_one_more() -> None:
-    still, fast = motion_costs(demo_object(), [0.0, 20.0], 4, load_policy(), make_renderer(), 0)
+    still, fast = motion_costs(demo_object(), [0.0, 20.0], 8, load_policy(), make_renderer(), 0)
     assert still.iterations <= 1.34 < fast.iterations + 0.34 and still.still >= 2 / 3
     assert fast.iterations > still.iterations
 
