@@ -19,7 +19,7 @@ from .camera_options import camera_of
 from .common import Setting, given, make_tools, new_folder, run_facts, versions, weights_facts
 from .journal import Journal, pose_line, pose_of
 from .messages import note, progress
-from .narrowing import clicked, known_of
+from .narrowing import known_of, unconfirmed
 from .seed_options import DEST as SEEDS
 from .seed_options import seeds_of
 
@@ -260,12 +260,7 @@ def _detected(
     poses = tuple((one.pose, one.probability, one.result.iterations) for one in found.instances)
     facts = _facts(found)
     if known["points"] is not None and not poses:
-        pose, error = clicked(known["points"], detector.camera)
-        note(
-            f"{frame.name}: the image does not confirm the pose of --points (probability "
-            f"{found.probability:.2f}), which is written as they say; they are {error:.1f} pixels "
-            "off it."
-        )
+        pose, error = unconfirmed(known["points"], detector.camera, found, frame.name)
         poses = ((pose, found.probability, 0),)
         facts[POINTS_ERROR] = round(error, 2)
     return _Answer(poses, found.probability, spent, facts)

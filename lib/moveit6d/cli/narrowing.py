@@ -14,7 +14,7 @@ from .messages import note
 
 if TYPE_CHECKING:
     from ..datasets.video import VideoFrame
-    from ..estimation.detection import PoseDetector
+    from ..estimation.detection import Detection, PoseDetector
     from ..geometry.camera import Camera
     from ..geometry.pose import Pose
 
@@ -83,32 +83,33 @@ def known_of(args: argparse.Namespace, unit: str) -> dict[str, Any]:
 def first_pose(detector: PoseDetector, first: VideoFrame, known: dict[str, Any]) -> Pose | None:
     """The pose in a video's first frame by what is known; None, and a note, if it is not found.
 
-    Points that the image does not confirm are believed as they are.
+    Where the image does not confirm the pose of points, it is theirs.
     """
     if first.image is None:
         raise InputError(f"the first frame is no use: {first.error}")
     found = detector.detect(first.image, **known)
     if found.pose is not None:
         return found.pose
-    doubt = f"(probability {found.probability:.2f})"
     if known["points"] is not None:
-        pose, error = clicked(known["points"], detector.camera)
-        note(
-            f"the first frame does not confirm the pose of --points {doubt}, which is taken as "
-            f"they say; they are {error:.1f} pixels off it."
-        )
-        return pose
-    note(f"the object is not found in the first frame where it should be {doubt}; it is looked for "
-         "in the whole image.")  # fmt: skip
+        return unconfirmed(known["points"], detector.camera, found, "the first frame")[0]
+    note(
+        "the object is not found in the first frame where it should be (probability "
+        f"{found.probability:.2f}); it is looked for in the whole image."
+    )
     return None
 
 
-def clicked(points: Any, camera: Camera) -> tuple[Pose, float]:
-    """The pose that points say, and how many pixels they are off it."""
+def unconfirmed(points: Any, camera: Camera, found: Detection, where: str) -> tuple[Pose, float]:
+    """The pose of points, how many pixels they are off it, and a note that nothing confirms it."""
     from ..estimation.detection.points import poses_from_points, reprojection_error
 
     pose = poses_from_points(points, camera)[0]
-    return pose, reprojection_error(points, pose, camera)
+    error = reprojection_error(points, pose, camera)
+    note(
+        f"{where} does not confirm the pose of --points (probability {found.probability:.2f}), "
+        f"which is taken as they say; they are {error:.1f} pixels off it."
+    )
+    return pose, error
 
 
 def read_mask(path: Path) -> Any:

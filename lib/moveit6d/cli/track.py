@@ -41,10 +41,10 @@ DESCRIPTION = (
     """\
 Finds the pose in every frame, each starting from the one before; the first frame starts from
 --start, or from where the object is found, in the whole image or where --box, --mask, --points
-and --distance say. A frame that cannot be used (damaged, of another size)
-is recorded and the track goes on with the next one. A start must be roughly right: within about a
-quarter of the object's width and 20 degrees. A lost object is looked for, near where it was and
-then in the whole image, and followed again once it is found.
+and --distance say. A frame that cannot be used (damaged, of another size) is recorded and the
+track goes on with the next one. A start must be roughly right: within about a quarter of the
+object's width and 20 degrees. A lost object is looked for, near where it was and then in the
+whole image, and followed again once it is found.
 
 Several objects: --mesh, --mesh_unit and --start once for each of them (one --mesh_unit does for
 all); the same mesh twice are two instances.
