@@ -13,7 +13,7 @@ from typing import Any
 import pytorch_lightning as pl
 import torch
 from pytorch_lightning.utilities import rank_zero_warn
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn.utils import convert_conv2d_weight_memory_format, get_total_norm
 
 from moveit6d.actions import expert_action
@@ -118,7 +118,7 @@ class PoseActionModule(pl.LightningModule):
 
     def training_step(self, batch: TrainingBatch, _: int) -> Tensor:
         """One loss; its terms are logged as `train/NAME`."""
-        self._statistics = [buffer.clone() for buffer in self.network.buffers()]
+        self._statistics = [values.clone() for values in self._running()]
         loss, self.values = self._shared_step(batch)
         size = len(batch.delta)
         if self.global_step % LOGGED == 0:
@@ -142,8 +142,8 @@ class PoseActionModule(pl.LightningModule):
             self.clip_gradients(optimizer, gradient_clip_val, gradient_clip_algorithm)
             return
         optimizer.zero_grad(set_to_none=True)  # so that not even the momentum moves anything
-        for buffer, before in zip(self.network.buffers(), self._statistics, strict=True):
-            buffer.copy_(before)
+        for values, before in zip(self._running(), self._statistics, strict=True):
+            values.copy_(before)
         terms = [name for name, value in self.values.items() if not value.isfinite().all()]
         reason = f"{', '.join(terms)} not finite" if terms else "gradients not finite"
         rank_zero_warn(f"Step {self.global_step} is left out: {reason}.")
@@ -153,6 +153,11 @@ class PoseActionModule(pl.LightningModule):
                 f"The fit has left out {MOST_LEFT_OUT} steps in a row, as their gradients are not "
                 "finite: lower model.learning_rate and go on from a checkpoint or weights before."
             )
+
+    def _running(self) -> list[Tensor]:
+        """The statistics that batch normalisation keeps; of no other buffer, which stay."""
+        parts = self.network.modules()
+        return [b for part in parts if isinstance(part, nn.BatchNorm2d) for b in part.buffers()]
 
     def validation_step(self, batch: TrainingBatch, _: int) -> None:
         """The same terms on held-out objects, logged as `val/NAME`."""

@@ -304,11 +304,8 @@ WEIGHTS = sorted(EXAMPLES.glob("*/*.safetensors"))
 @pytest.mark.parametrize("weights", WEIGHTS, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_weights_of_examples_are_what_their_folder_says(weights: Path) -> None:
     network = load_network(weights).network
-    kinds = {
-        "object_specific": ActionNet,
-        "paper_network": ActionNet,
-    }
-    assert type(network) is kinds.get(weights.parent.name, CorrelationNet)
+    is_papers = weights.parent.name in ("object_specific", "paper_network")
+    assert isinstance(network, ActionNet if is_papers else CorrelationNet)
     seen = an_observation(2)
     flat = replace(seen, depth=torch.zeros_like(seen.depth))
     predict = InferenceNetwork(network, compute="float32")
