@@ -39,6 +39,7 @@ files written to --output:
   detection.json  probabilities, what speaks for the poses, versions
 
 with --dataset, --split and --targets, --output is a BOP result file with a pose for every target.
+With --boxes it looks into those only, the best ones of each target.
 Several images and data sets: what is found is on disk at once, and --resume goes on with a run that
 was interrupted (by what lies beside the results, named *.unfinished).
 
@@ -52,7 +53,7 @@ examples:
   moveit6d detect --mesh drill.glb --mesh_unit m --image a.png b.png --camera camera.json \\
       --box 210 140 180 160 --distance 0.4 1.2 --output found
   moveit6d detect --dataset lmo --split test --targets test_targets_bop19.json \\
-      --output results.csv
+      --boxes detections.json --output results.csv
 """
 
 
@@ -72,6 +73,12 @@ def add_parser(verbs: Any) -> None:
     dataset.add_argument("--dataset", type=Path, metavar="DIR", help="BOP data set")
     dataset.add_argument("--split", metavar="NAME", help="folder in it, as test")
     dataset.add_argument("--targets", type=Path, metavar="FILE", help="what is to be found")
+    dataset.add_argument(
+        "--boxes",
+        metavar="FILE",
+        help="where the objects are: detections in BOP's format (JSON), or `truth`, the true boxes "
+        "of what is visible; what has no box is not looked for",
+    )
     known = add_narrowing_options(parser)
     known.add_argument("--start", type=Path, metavar="FILE", help="a pose that is roughly right")
     parser.add_argument(

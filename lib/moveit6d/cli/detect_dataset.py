@@ -9,18 +9,20 @@ import argparse
 import hashlib
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..config import TrackerConfig
 from ..errors import InputError
 from .common import Setting, make_tools, run_facts
 from .journal import Journal, estimate_line, estimate_of
-from .messages import progress
+from .messages import note, progress
 
 if TYPE_CHECKING:
     from ..datasets.bop import BopDataset, BopTarget, Estimate
+    from ..datasets.bop_boxes import Boxes
     from ..estimation import TemplateStore
     from ..policies import Policy
     from ..rendering.renderer import Renderer
@@ -46,7 +48,9 @@ def run(args: argparse.Namespace) -> int:
     dataset = BopDataset(args.dataset, args.split)
     name = TARGETS if args.targets is None else _targets_name(dataset, args)
     images: dict[tuple[int, int], list[BopTarget]] = {}
-    for target in dataset.targets(name):
+    targets_given = dataset.targets(name)
+    boxes = _boxes(args, dataset, targets_given)
+    for target in targets_given:
         images.setdefault((target.scene, target.image), []).append(target)
     check_writable(args.output)
     _check(dataset, images)
@@ -54,14 +58,15 @@ def run(args: argparse.Namespace) -> int:
     policy, renderer = make_tools(setting)
     store = TemplateStore(default_store())
     done: list[Estimate] = []
-    with Journal(args.output, _facts(args, images, setting), args.resume) as journal:
+    facts = _facts(args, images, boxes, setting)
+    with Journal(args.output, facts, args.resume) as journal:
         found = [[estimate_of(line) for line in entry] for entry in journal.entries]
         left = list(images.values())[len(found) :]
         done += (estimate for image in found for estimate in image)
         try:
             for targets in progress(left, len(left), "detect", "image"):
                 new = detect_image(
-                    dataset, targets, policy, renderer, store, args.distance, setting.config
+                    dataset, targets, policy, renderer, store, args.distance, boxes, setting.config
                 )
                 journal.add([estimate_line(estimate) for estimate in new])
                 done += new
@@ -76,6 +81,7 @@ def run(args: argparse.Namespace) -> int:
 def _facts(
     args: argparse.Namespace,
     images: dict[tuple[int, int], list[BopTarget]],
+    boxes: Boxes | None,
     setting: Setting,
 ) -> dict[str, Any]:
     """What the poses depend on: a run with other facts cannot be gone on with."""
@@ -83,10 +89,37 @@ def _facts(
     return {
         "dataset": str(args.dataset.resolve()),
         "split": args.split,
-        "targets": hashlib.sha256(json.dumps(targets).encode()).hexdigest(),
+        "targets": _digest(targets),
         "distance": args.distance,
+        "boxes": None if boxes is None else _digest(sorted(boxes.items())),
         **run_facts(setting),
     }
+
+
+def _digest(content: Any) -> str:
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+
+def _boxes(
+    args: argparse.Namespace, dataset: BopDataset, targets: Iterable[BopTarget]
+) -> Boxes | None:
+    """Where to look, as --boxes says; a note tells of what is too small to be looked into."""
+    if args.boxes is None:
+        return None
+    from ..datasets.bop_boxes import TRUTH, read_boxes, true_boxes
+    from ..estimation.detection.region import SMALLEST_BOX
+
+    given = true_boxes(dataset, targets) if args.boxes == TRUTH else read_boxes(Path(args.boxes))
+    large = {
+        key: [box for box in some if min(box[2:]) >= SMALLEST_BOX] for key, some in given.items()
+    }
+    dropped = sum(map(len, given.values())) - sum(map(len, large.values()))
+    if dropped:
+        note(
+            f"{dropped} of {sum(map(len, given.values()))} boxes are less than {SMALLEST_BOX} "
+            "pixels wide or high; nothing is looked for there."
+        )
+    return large
 
 
 def _targets_name(dataset: BopDataset, args: argparse.Namespace) -> str:
@@ -110,11 +143,13 @@ def detect_image(
     renderer: Renderer,
     store: TemplateStore,
     distance: Sequence[float] | None = None,
+    boxes: Boxes | None = None,
     config: TrackerConfig = DEFAULT,
 ) -> list[Estimate]:
     """The poses of an image's targets, found or not: BOP counts recall and orders by score.
 
     A target without an object, as in BOP's detection tasks, stands for every object of the models.
+    With `boxes` nothing is looked for outside of them.
     """
     from ..datasets.bop import Estimate
     from ..estimation import PoseDetector
@@ -125,36 +160,39 @@ def detect_image(
     picture = dataset.image(scene, image)
     camera = dataset.camera(scene, image, (picture.shape[1], picture.shape[0]))
     frame = prepare_frame(picture, camera)
-    region = SearchRegion.checked(camera, distance=distance)
     numbers = [
         (number, target.count or 1)
         for target in targets
         for number in ([target.object] if target.object is not None else dataset.objects())
     ]
-    detectors = [
-        (
-            PoseDetector(
-                dataset.mesh(number),
-                camera,
-                policy=policy,
-                renderer=renderer,
-                config=config,
-                store=store,
-            ),
-            number,
-            count,
+    searches: list[tuple[int, PoseDetector, int, SearchRegion]] = []
+    for number, count in numbers:
+        detector = PoseDetector(
+            dataset.mesh(number),
+            camera,
+            policy=policy,
+            renderer=renderer,
+            config=config,
+            store=store,
         )
-        for number, count in numbers
-    ]
-    for detector, *_ in detectors:
         detector.prepare()
+        if boxes is None:
+            region = SearchRegion.checked(camera, distance=distance)
+            searches.append((number, detector, count, region))
+        else:
+            for box in boxes.get((scene, image, number), [])[:count]:
+                region = SearchRegion.checked(camera, box, distance=distance)
+                searches.append((number, detector, 1, region))
     begin = time.perf_counter()
     detections = detect_objects(
-        [detector for detector, *_ in detectors], frame, [count for *_, count in detectors], region
+        [detector for _, detector, *_ in searches],
+        frame,
+        [count for *_, count, _ in searches],
+        [region for *_, region in searches],
     )
     seconds = time.perf_counter() - begin
     return [
         Estimate(scene, image, number, one.probability, one.pose, seconds)
-        for (_, number, count), detection in zip(detectors, detections, strict=True)
+        for (number, _, count, _), detection in zip(searches, detections, strict=True)
         for one in (*detection.instances, *detection.rejected)[:count]
     ]

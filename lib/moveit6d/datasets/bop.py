@@ -39,12 +39,15 @@ TARGETS = "test_targets_bop19.json"
 class Instance:
     """One true pose in one image (metres).
 
-    `visible_fraction` is the share of the silhouette that is seen, 1 where nothing says otherwise.
+    `visible_fraction` is the share of the silhouette that is seen, 1 where nothing says otherwise;
+    `box` is the left, top, width and height in pixels of what is seen, None where nothing is, or
+    nothing says so.
     """
 
     object: int
     pose: Pose
     visible_fraction: float = 1.0
+    box: tuple[float, float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -151,23 +154,21 @@ class BopDataset:
         if str(image) not in known:
             raise InputError(f"{where}: not there.")
         entries = [mapping(one, where) for one in listed(known[str(image)], where)]
-        seen = [1.0] * len(entries)
+        about, details = "", [dict[str, Any]()] * len(entries)
         if self._json(scene, "scene_gt_info").is_file():
             about = str(self._json(scene, "scene_gt_info"))
             info = listed(self._scene(scene, "scene_gt_info").get(str(image), []), about)
             if len(info) != len(entries):
                 raise InputError(f"{where}: scene_gt_info lists {len(info)} of {len(entries)}.")
-            seen = [
-                _number(mapping(one, about).get("visib_fract", 1.0), f"{about}: visib_fract")
-                for one in info
-            ]
+            details = [mapping(one, about) for one in info]
         return [
             Instance(
                 whole(entry(one, "obj_id", where), f"{where}: obj_id"),
                 metric_pose(entry(one, "cam_R_m2c", where), entry(one, "cam_t_m2c", where), where),
-                visible,
+                _number(detail.get("visib_fract", 1.0), f"{about}: visib_fract"),
+                _seen_box(detail, about),
             )
-            for one, visible in zip(entries, seen, strict=True)
+            for one, detail in zip(entries, details, strict=True)
         ]
 
     def targets(self, name: str = TARGETS) -> list[BopTarget]:
@@ -313,6 +314,14 @@ class BopDataset:
         if (scene, name) not in self._scenes:
             self._scenes[scene, name] = read_json(self._json(scene, name))
         return self._scenes[scene, name]
+
+
+def _seen_box(detail: Mapping[str, Any], where: str) -> tuple[float, float, float, float] | None:
+    """`bbox_visib` of scene_gt_info.json, whose sizes are −1 where nothing is seen."""
+    if "bbox_visib" not in detail:
+        return None
+    x, y, width, height = numbers(detail["bbox_visib"], 4, f"{where}: bbox_visib")
+    return (x, y, width, height) if width > 0 and height > 0 else None
 
 
 def _target(content: dict[str, Any], path: Path) -> BopTarget:

@@ -43,7 +43,7 @@ def write_bop(
     """Write models (PLY, models_info.json), a split and test_targets_bop19.json; returns `root`.
 
     Scenes are written one after the other as they come; `scene_gt_info.json` holds `visib_fract`
-    only, as boxes and pixel counts belong to masks.
+    and, of instances that have a box, `bbox_visib`: the rest belongs to masks.
     """
     write_models(root / "models", objects)
     counts: dict[tuple[int, int, int], int] = {}
@@ -102,7 +102,11 @@ def _add(folder: Path, one: BopImage, kept: dict[str, dict[str, Any]]) -> None:
         }
         for instance in one.truth
     ]
-    kept["gt_info"][key] = [{"visib_fract": instance.visible_fraction} for instance in one.truth]
+    kept["gt_info"][key] = [
+        {"visib_fract": instance.visible_fraction}
+        | ({} if instance.box is None else {"bbox_visib": list(instance.box)})
+        for instance in one.truth
+    ]
 
 
 def _symmetries(mesh: Mesh) -> dict[str, Any]:

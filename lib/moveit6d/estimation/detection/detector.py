@@ -328,19 +328,24 @@ def detect_objects(
     detectors: Sequence[PoseDetector],
     image: ImageLike | Frame,
     counts: Sequence[int] | None = None,
-    region: SearchRegion | None = None,
+    regions: Sequence[SearchRegion] | None = None,
 ) -> list[Detection]:
     """Several objects in one image, each with its own detector of one policy and camera.
 
-    The image is described once for all of them. `counts` are the most instances of each, `region`
-    is where they are looked for, of the image without its lens.
+    The image is described once for all of them. `counts` are the most instances of each, `regions`
+    say where each is looked for.
     """
     if not detectors:
         return []
     frame = prepare_frame(image, detectors[0].camera)
     pyramid = detectors[0].pyramid_of(frame)
     numbers = [1] * len(detectors) if counts is None else list(counts)
+    known = [SearchRegion()] * len(detectors) if regions is None else list(regions)
     return [
-        finish(detector.steps(frame, region, instances=count, pyramid=pyramid))
-        for detector, count in zip(detectors, numbers, strict=True)
+        finish(
+            detector.steps(
+                frame, region.undistorted(detector.camera), instances=count, pyramid=pyramid
+            )
+        )
+        for detector, count, region in zip(detectors, numbers, known, strict=True)
     ]

@@ -21,6 +21,7 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 
 DEFAULT = RegionConfig()
+SMALLEST_BOX = 4  # pixels a side
 
 
 @dataclass(frozen=True)
@@ -195,11 +196,11 @@ def _numbers(values: Any, count: int, what: str) -> tuple[float, ...]:
 def _box(values: Any, camera: Camera) -> tuple[float, float, float, float]:
     x, y, width, height = _numbers(values, 4, "box")
     inside = x < camera.width and y < camera.height and x + width > 0 and y + height > 0
-    if width < 4 or height < 4 or not inside:
+    if min(width, height) < SMALLEST_BOX or not inside:
         raise InputError(
             f"box {x:g} {y:g} {width:g} {height:g}: left, top, width and height in pixels, at "
-            f"least 4 wide and high and inside the image of {camera.width}×{camera.height}, are "
-            "needed."
+            f"least {SMALLEST_BOX} wide and high and inside the image of "
+            f"{camera.width}×{camera.height}, are needed."
         )
     return x, y, width, height
 
