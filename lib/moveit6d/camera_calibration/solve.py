@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from ..errors import InputError
@@ -157,11 +158,7 @@ def _error(
     import cv2
 
     points = view.places.astype(np.float64) @ cv2.Rodrigues(np.ravel(turn))[0].T + np.ravel(shift)
-    matrix, lens = camera.matrix.numpy(), camera.lens
-    if lens is None:
-        pixels = (points @ matrix.T)[:, :2] / points[:, 2:]
-    else:
-        pixels = lens.project(points, matrix)
+    pixels = camera.project(torch.from_numpy(points)).numpy()
     return float(np.sqrt(((pixels - view.pixels) ** 2).sum(1).mean()))
 
 

@@ -124,10 +124,8 @@ def _on_frame(points: NDArray[np.float64], camera: Camera) -> NDArray[np.int32]:
 
     Points that the lens does not show are left out.
     """
-    lens, matrix = camera.lens, camera.matrix.numpy()
-    if lens is None:
-        pixels = (points @ matrix.T)[:, :2] / points[:, 2:]
-    else:
-        pixels = lens.project(points[lens.shows(points)], matrix)
+    if camera.lens is not None:
+        points = points[camera.lens.shows(points)]
+    pixels = camera.project(torch.from_numpy(points)).numpy()
     far = 1 << 20  # keeps what lies far outside of the frame within OpenCV's integers
     return np.asarray((pixels * (1 << _SHIFT)).round().clip(-far, far), np.int32)

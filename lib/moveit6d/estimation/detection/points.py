@@ -117,12 +117,9 @@ def poses_from_points(points: Any, camera: Camera) -> list[Pose]:
 
 def reprojection_error(points: Any, pose: Pose, camera: Camera) -> float:
     """How far (N, 5) rows are from where a pose takes them, pixels, root mean square."""
-    rows = np.asarray(points, np.float64)
-    pixels, matrix = rows[:, :2].copy(), camera.matrix.numpy()
-    if camera.lens is not None:
-        pixels = camera.lens.undistort(pixels, matrix)
-    seen = pose.transform(torch.from_numpy(rows[:, 2:].copy())).numpy() @ matrix.T
-    return float(np.sqrt(((seen[:, :2] / seen[:, 2:] - pixels) ** 2).sum(1).mean()))
+    rows = torch.from_numpy(np.array(points, np.float64))
+    seen = camera.project(pose.to(torch.float64).transform(rows[:, 2:]))
+    return float((seen - rows[:, :2]).square().sum(1).mean().sqrt())
 
 
 def _solve(
