@@ -133,6 +133,8 @@ class RegionConfig:
         margin: margin around the box within which the image is searched, in widths of the object.
         background_scale: where only a part of the image is searched, a template's usual score is
             measured in the whole image, scaled by this factor at most.
+        stages: stages of the tournament (`DetectorConfig.stages`) where a box or a mask is given:
+            what the search of the whole image would cost is spent on the candidates.
     """
 
     near_shift: float = 0.75
@@ -143,6 +145,7 @@ class RegionConfig:
     box_ratio: tuple[float, float] = (0.85, 2.5)
     margin: float = 0.6
     background_scale: float = 0.6
+    stages: tuple[tuple[int, int], ...] = ((48, 2), (16, 3), (6, 6))
 
     def __post_init__(self) -> None:
         low, high = self.box_ratio

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from moveit6d import InputError, OraclePolicy, Pose
+from moveit6d.config import RegionConfig
 from moveit6d.estimation.detection import PoseDetector, detect_objects
 from moveit6d.evaluation.metrics import add
 from tests.estimation.detection.conftest import Picture
@@ -47,6 +50,17 @@ def test_what_is_known_narrows(seen: Picture, detector: PoseDetector) -> None:
     elsewhere = detector.detect(seen.image, box=(5, 150, 90, 90))
     best = elsewhere.best
     assert best is None or off(seen, best.pose) > 0.5 or not elsewhere.found
+
+
+def test_a_known_place_has_stages_of_its_own(seen: Picture, detector: PoseDetector) -> None:
+    u, v = pictures.CAMERA.project(seen.mesh.inner(seen.pose).translation).tolist()
+    half = 0.5 * 300 * seen.mesh.sphere_diameter / 0.4
+    region = RegionConfig(stages=((6, 1),))
+    detector.config = replace(detector.config, region=region)
+    boxed = detector.detect(seen.image, box=(u - half, v - half, 2 * half, 2 * half)).best
+    anywhere = detector.detect(seen.image).best
+    assert boxed is not None and boxed.result.iterations == 1
+    assert anywhere is not None and anywhere.result.iterations > 1
 
 
 def test_clicked_points_are_enough(seen: Picture, detector: PoseDetector) -> None:

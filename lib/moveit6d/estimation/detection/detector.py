@@ -179,10 +179,14 @@ class PoseDetector:
             candidates = yield from self._search(frame, known, levels)
             poses += self._poses(candidates, frame.camera)
         size = self.config.match.candidates
+        narrow = known.bounds is not None
+        stages = self.config.region.stages if narrow else self.config.stages
         poses = poses[:most]
         results: list[FoundPose] = []
         for first in range(0, len(poses), size):
-            refined = yield from self._tournament(frame, poses[first : first + size], instances)
+            refined = yield from self._tournament(
+                frame, poses[first : first + size], stages, instances
+            )
             results += self._verified(frame, refined)
             yield
             found = self._answer(results, instances)
@@ -241,11 +245,15 @@ class PoseDetector:
         return found
 
     def _tournament(
-        self, frame: Frame, poses: Sequence[Pose], instances: int
+        self,
+        frame: Frame,
+        poses: Sequence[Pose],
+        stages: Sequence[tuple[int, int]],
+        instances: int,
     ) -> Generator[None, None, list[Refined]]:
         """Refine centred candidates in rounds, fewer and longer each time; the best at the end."""
         results: list[Refined] = []
-        for number, (count, iterations) in enumerate(self.config.stages):
+        for number, (count, iterations) in enumerate(stages):
             if number:
                 best = _most_confident(results, count * instances)
                 poses = [one.centred for one in best if one.centred is not None]
