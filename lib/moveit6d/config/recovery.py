@@ -34,9 +34,9 @@ class StateConfig:
             tracked; until then it is uncertain.
     """
 
-    confidence: float = 8.2
-    agreement: float = 2.85
-    intercept: float = -5.4
+    confidence: float = 7.3
+    agreement: float = 3.6
+    intercept: float = -4.9
     usual_agreement: float = 0.4
     confirmed: float = 0.5
     doubted: float = 0.3
