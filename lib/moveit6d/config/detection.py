@@ -176,9 +176,9 @@ class VerificationConfig:
         intercept: intercept of the regression.
     """
 
-    confidence: float = 6.8
-    similarity: float = 9.1
-    intercept: float = -12.5
+    confidence: float = 7.0
+    similarity: float = 8.3
+    intercept: float = -11.4
 
 
 @dataclass(frozen=True)
