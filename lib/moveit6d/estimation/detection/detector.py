@@ -179,8 +179,8 @@ class PoseDetector:
             candidates = yield from self._search(frame, known, levels)
             poses += self._poses(candidates, frame.camera)
         size = self.config.match.candidates
-        narrow = known.bounds is not None
-        stages = self.config.region.stages if narrow else self.config.stages
+        anywhere = known.bounds is None
+        stages = self.config.stages if anywhere else self.config.region.stages
         poses = poses[:most]
         results: list[FoundPose] = []
         for first in range(0, len(poses), size):
