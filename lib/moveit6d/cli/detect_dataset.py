@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from ..datasets.bop import BopDataset, BopTarget, Estimate
     from ..datasets.bop_boxes import Boxes
     from ..estimation import TemplateStore
+    from ..estimation.detection import SearchRegion
+    from ..geometry.camera import Camera
     from ..policies import Policy
     from ..rendering.renderer import Renderer
 
@@ -47,10 +49,10 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"{', '.join(mixed) or '--method'} is not for --dataset.")
     dataset = BopDataset(args.dataset, args.split)
     name = TARGETS if args.targets is None else _targets_name(dataset, args)
+    wanted = dataset.targets(name)
+    boxes = _boxes(args, dataset, wanted)
     images: dict[tuple[int, int], list[BopTarget]] = {}
-    targets_given = dataset.targets(name)
-    boxes = _boxes(args, dataset, targets_given)
-    for target in targets_given:
+    for target in wanted:
         images.setdefault((target.scene, target.image), []).append(target)
     check_writable(args.output)
     _check(dataset, images)
@@ -153,21 +155,16 @@ def detect_image(
     """
     from ..datasets.bop import Estimate
     from ..estimation import PoseDetector
-    from ..estimation.detection import SearchRegion, detect_objects
+    from ..estimation.detection import detect_objects
     from ..frame import prepare_frame
 
     scene, image = targets[0].scene, targets[0].image
     picture = dataset.image(scene, image)
     camera = dataset.camera(scene, image, (picture.shape[1], picture.shape[0]))
     frame = prepare_frame(picture, camera)
-    numbers = [
-        (number, target.count or 1)
-        for target in targets
-        for number in ([target.object] if target.object is not None else dataset.objects())
-    ]
-    searches: list[tuple[int, PoseDetector, int, SearchRegion]] = []
-    for number, count in numbers:
-        detector = PoseDetector(
+    searches = _searches(dataset, targets, camera, distance, boxes)
+    detectors = {
+        number: PoseDetector(
             dataset.mesh(number),
             camera,
             policy=policy,
@@ -175,24 +172,42 @@ def detect_image(
             config=config,
             store=store,
         )
+        for number, *_ in searches
+    }
+    for detector in detectors.values():
         detector.prepare()
-        if boxes is None:
-            region = SearchRegion.checked(camera, distance=distance)
-            searches.append((number, detector, count, region))
-        else:
-            for box in boxes.get((scene, image, number), [])[:count]:
-                region = SearchRegion.checked(camera, box, distance=distance)
-                searches.append((number, detector, 1, region))
     begin = time.perf_counter()
     detections = detect_objects(
-        [detector for _, detector, *_ in searches],
+        [detectors[number] for number, *_ in searches],
         frame,
-        [count for *_, count, _ in searches],
+        [count for _, count, _ in searches],
         [region for *_, region in searches],
     )
     seconds = time.perf_counter() - begin
     return [
         Estimate(scene, image, number, one.probability, one.pose, seconds)
-        for (number, _, count, _), detection in zip(searches, detections, strict=True)
+        for (number, count, _), detection in zip(searches, detections, strict=True)
         for one in (*detection.instances, *detection.rejected)[:count]
     ]
+
+
+def _searches(
+    dataset: BopDataset,
+    targets: Sequence[BopTarget],
+    camera: Camera,
+    distance: Sequence[float] | None,
+    boxes: Boxes | None,
+) -> list[tuple[int, int, SearchRegion]]:
+    """What is looked for in an image: the object, how many of it at most, and where."""
+    from ..estimation.detection import SearchRegion
+
+    found: list[tuple[int, int, SearchRegion]] = []
+    for target in targets:
+        count = target.count or 1
+        for number in dataset.objects() if target.object is None else [target.object]:
+            if boxes is None:
+                found.append((number, count, SearchRegion.checked(camera, distance=distance)))
+                continue
+            for box in boxes.get((target.scene, target.image, number), [])[:count]:
+                found.append((number, 1, SearchRegion.checked(camera, box, distance=distance)))
+    return found

@@ -33,6 +33,7 @@ from .bop_results import write_results as write_results
 from .video import Image, read_image
 
 TARGETS = "test_targets_bop19.json"
+Box = tuple[float, float, float, float]  # left, top, width, height; pixels
 
 
 @dataclass(frozen=True)
@@ -40,14 +41,13 @@ class Instance:
     """One true pose in one image (metres).
 
     `visible_fraction` is the share of the silhouette that is seen, 1 where nothing says otherwise;
-    `box` is the left, top, width and height in pixels of what is seen, None where nothing is, or
-    nothing says so.
+    `box` is around what is seen, None where nothing is, or nothing says so.
     """
 
     object: int
     pose: Pose
     visible_fraction: float = 1.0
-    box: tuple[float, float, float, float] | None = None
+    box: Box | None = None
 
 
 @dataclass(frozen=True)
@@ -316,12 +316,18 @@ class BopDataset:
         return self._scenes[scene, name]
 
 
-def _seen_box(detail: Mapping[str, Any], where: str) -> tuple[float, float, float, float] | None:
+def box_of(value: Any, where: str) -> Box:
+    """A checked box, as BOP's files have them; `InputError` names the place."""
+    x, y, width, height = numbers(value, 4, where)
+    return x, y, width, height
+
+
+def _seen_box(detail: Mapping[str, Any], where: str) -> Box | None:
     """`bbox_visib` of scene_gt_info.json, whose sizes are −1 where nothing is seen."""
     if "bbox_visib" not in detail:
         return None
-    x, y, width, height = numbers(detail["bbox_visib"], 4, f"{where}: bbox_visib")
-    return (x, y, width, height) if width > 0 and height > 0 else None
+    box = box_of(detail["bbox_visib"], f"{where}: bbox_visib")
+    return box if min(box[2:]) > 0 else None
 
 
 def _target(content: dict[str, Any], path: Path) -> BopTarget:

@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from ..checks import entry, mapping, number, numbers, whole
+from ..checks import entry, mapping, number, whole
 from ..errors import InputError
 from ..io import read_json_list
-from .bop import BopDataset, BopTarget
+from .bop import BopDataset, BopTarget, Box, box_of
 
-Box = tuple[float, float, float, float]  # left, top, width, height; pixels
 Boxes = Mapping[tuple[int, int, int], list[Box]]  # by scene, image and object; the best first
 
 TRUTH = "truth"
@@ -32,7 +31,7 @@ def read_boxes(path: Path) -> Boxes:
             for key in ("scene_id", "image_id", "category_id")
         )
         score = number(one.get("score", 1.0), f"{where}: score")
-        box = _box(entry(one, "bbox", where), f"{where}: bbox")
+        box = box_of(entry(one, "bbox", where), f"{where}: bbox")
         scored.setdefault((scene, image, item), []).append((score, box))
     if not scored:
         raise InputError(f"{path} holds no detection.")
@@ -55,8 +54,3 @@ def true_boxes(dataset: BopDataset, targets: Iterable[BopTarget]) -> Boxes:
             f"{dataset.root}: no scene_gt_info.json says where objects are visible (bbox_visib)."
         )
     return found
-
-
-def _box(value: object, where: str) -> Box:
-    x, y, width, height = numbers(value, 4, where)
-    return x, y, width, height
