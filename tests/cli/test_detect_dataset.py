@@ -57,3 +57,8 @@ def test_with_boxes_only_they_are_looked_into(tmp_path: Path, scene: Any, capsys
     assert "1 of 3 boxes are less than 4 pixels" in capsys.readouterr().err
     for other in read_results(out):  # of one instance, the best box: it is the wrong one
         assert not near(other.pose, scene.pose(0)) and other.score < 0.5
+    boxes = [one | {"bbox": [5000, 5, 20, 20], "score": 0.9}]
+    (tmp_path / "outside.json").write_text(json.dumps(boxes))
+    out.unlink(missing_ok=True)
+    assert main([*command, "--boxes", str(tmp_path / "outside.json")]) == 0
+    assert "scene 1, image 0, object 7: box 5000 5 20 20" in capsys.readouterr().err

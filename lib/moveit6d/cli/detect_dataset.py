@@ -10,7 +10,7 @@ import hashlib
 import json
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -201,13 +201,20 @@ def _searches(
     """What is looked for in an image: the object, how many of it at most, and where."""
     from ..estimation.detection import SearchRegion
 
+    anywhere = SearchRegion.checked(camera, distance=distance)
     found: list[tuple[int, int, SearchRegion]] = []
     for target in targets:
         count = target.count or 1
         for number in dataset.objects() if target.object is None else [target.object]:
             if boxes is None:
-                found.append((number, count, SearchRegion.checked(camera, distance=distance)))
+                found.append((number, count, anywhere))
                 continue
             for box in boxes.get((target.scene, target.image, number), [])[:count]:
-                found.append((number, 1, SearchRegion.checked(camera, box, distance=distance)))
+                try:
+                    region = replace(anywhere, box=SearchRegion.checked(camera, box).box)
+                except InputError as error:
+                    where = f"scene {target.scene}, image {target.image}, object {number}"
+                    note(f"{where}: {error} Nothing is looked for there.")
+                    continue
+                found.append((number, 1, region))
     return found

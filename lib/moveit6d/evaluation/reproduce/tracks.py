@@ -13,7 +13,7 @@ import torch
 from ...datasets.pose_files import PoseRow
 from ...datasets.sequences import Sequence as Video
 from ...geometry.pose import Pose
-from ..protocols import is_given
+from ..sequence_scores import scored_truth
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,12 @@ def scored(video: Video, rows: Mapping[int, PoseRow]) -> ScoredTrack | None:
 
     None where no frame counts.
     """
+    known = scored_truth(video, rows)
     frames, estimates, iterations, times = [], [], [], []
     last, held = video.start, 0
     for frame, row in sorted(rows.items()):
         last = last if row.pose is None else row.pose
-        wanted = video.keyframes is None or frame in video.keyframes
-        if frame == video.first or frame not in video.truth or not wanted or is_given(row):
+        if frame == video.first or frame not in known:
             continue
         held += row.pose is None
         frames.append(frame)
@@ -53,6 +53,6 @@ def scored(video: Video, rows: Mapping[int, PoseRow]) -> ScoredTrack | None:
         times.append(row.milliseconds or 0.0)
     if not frames:
         return None
-    truth = Pose.stack([video.truth[frame].to(torch.float64) for frame in frames])
+    truth = Pose.stack([known[frame].to(torch.float64) for frame in frames])
     found = Pose.stack([pose.to(torch.float64) for pose in estimates])
     return ScoredTrack(video, tuple(frames), found, truth, held, tuple(iterations), tuple(times))
