@@ -6,7 +6,13 @@ from typing import Any
 
 import pytest
 
-from moveit6d.config import MatchConfig, RegionConfig, SeedDetectorConfig, TemplateConfig
+from moveit6d.config import (
+    DetectorConfig,
+    MatchConfig,
+    RegionConfig,
+    SeedDetectorConfig,
+    TemplateConfig,
+)
 from moveit6d.errors import InputError
 
 
@@ -21,6 +27,9 @@ from moveit6d.errors import InputError
         (MatchConfig, {"samples": 1}, "samples must be 2 or more"),
         (RegionConfig, {"box_ratio": (1.2, 2.5)}, "box_ratio must be two"),
         (RegionConfig, {"margin": -0.1}, "margin 0 or more"),
+        (RegionConfig, {"stages": ((48, 2), (0, 3))}, "stages must be one or more pairs"),
+        (DetectorConfig, {"stages": ()}, "stages must be one or more pairs"),
+        (DetectorConfig, {"accepted": 1.5}, "accepted must be a probability"),
         (SeedDetectorConfig, {"sizes": ()}, "sizes must be positive shares"),
         (SeedDetectorConfig, {"sinks": 0}, "poses, sinks and rotations must be 1"),
         (SeedDetectorConfig, {"max_seeds": 2}, "max_seeds 3 or more"),

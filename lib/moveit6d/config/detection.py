@@ -159,6 +159,7 @@ class RegionConfig:
                 "RegionConfig: near_shift and background_scale must be positive and margin 0 or "
                 f"more, found {self.near_shift}, {self.background_scale} and {self.margin}."
             )
+        _check_stages("RegionConfig", self.stages)
 
 
 @dataclass(frozen=True)
@@ -192,6 +193,8 @@ class DetectorConfig:
         verification: how likely a refined pose is right.
         stages: stages of the tournament: how many candidates are refined in each, and by how many
             iterations.
+        half_turns: so many of the best candidates start turned by half about the axes of the
+            object's box, too, in the last stage; 0 none.
         accepted: probability from which the object counts as found.
         same_instance: poses nearer than this in the image, in widths of the object, are one
             instance.
@@ -202,8 +205,26 @@ class DetectorConfig:
     region: RegionConfig = field(default_factory=RegionConfig)
     verification: VerificationConfig = field(default_factory=VerificationConfig)
     stages: tuple[tuple[int, int], ...] = ((48, 1), (12, 2), (4, 6))
+    half_turns: int = 1
     accepted: float = 0.5
     same_instance: float = 0.4
+
+    def __post_init__(self) -> None:
+        _check_stages("DetectorConfig", self.stages)
+        if not (0 <= self.accepted <= 1 and min(self.half_turns, self.same_instance) >= 0):
+            raise InputError(
+                "DetectorConfig: accepted must be a probability, half_turns and same_instance 0 or "
+                f"more, found {self.accepted}, {self.half_turns} and {self.same_instance}."
+            )
+
+
+def _check_stages(owner: str, stages: tuple[tuple[int, int], ...]) -> None:
+    """Refuse a tournament that cannot be held."""
+    if not stages or any(len(stage) != 2 or min(stage) < 1 for stage in stages):
+        raise InputError(
+            f"{owner}: stages must be one or more pairs, how many candidates and how many "
+            f"iterations, each 1 or more, found {stages}."
+        )
 
 
 class SelectionCriterion(StrEnum):

@@ -71,6 +71,11 @@ class RecoveryConfig:
             a whole search at intervals; it goes on from frame to frame, in the picture that it
             began with. None finishes a search in its frame, so that the same video always gives the
             same poses.
+        half_turn_frames: after an object was found, it is compared in so many frames with itself
+            turned by half (upside down, back to front), and followed on as what is more likely; 0
+            never.
+        half_turn_interval: frames from one comparison to the next.
+        half_turn_evidence: by how much the sum of the log odds of the confidence must be larger.
         states: when an object counts as lost, and as found.
     """
 
@@ -78,6 +83,9 @@ class RecoveryConfig:
     near_candidates: int = 16
     interval: int = 10
     max_milliseconds: float | None = None
+    half_turn_frames: int = 4
+    half_turn_interval: int = 5
+    half_turn_evidence: float = 0.5
     states: StateConfig = field(default_factory=StateConfig)
 
     def __post_init__(self) -> None:
@@ -85,6 +93,12 @@ class RecoveryConfig:
             raise InputError(
                 "RecoveryConfig: interval and near_candidates must be 1 or more, found "
                 f"{self.interval} and {self.near_candidates}."
+            )
+        if self.half_turn_interval < 1 or min(self.half_turn_frames, self.half_turn_evidence) < 0:
+            raise InputError(
+                "RecoveryConfig: half_turn_interval must be 1 or more, half_turn_frames and "
+                f"half_turn_evidence 0 or more, found {self.half_turn_interval}, "
+                f"{self.half_turn_frames} and {self.half_turn_evidence}."
             )
         if self.max_milliseconds is not None and not self.max_milliseconds >= 0:
             raise InputError(

@@ -13,6 +13,7 @@ from ..frame import Frame
 from ..geometry.pose import Pose
 from .detection import Detection, PoseDetector, SearchRegion
 from .detection.detector import Steps
+from .half_turns import HalfTurnCheck
 from .results import StopReason, TrackingResult
 from .states import StateMachine, TrackingState, probability_of
 
@@ -35,6 +36,7 @@ class Supervisor:
         self._steps: Steps | None = None
         self._waiting = 0
         self._near = found
+        self.check: HalfTurnCheck | None = None  # of a pose that a search found
 
     @property
     def lost(self) -> bool:
@@ -96,6 +98,7 @@ class Supervisor:
         self._steps, self._near = None, False
         # A time limit bounds what searches cost by itself.
         self._waiting = self.config.interval - 1 if self.config.max_milliseconds is None else 0
+        self.check = HalfTurnCheck(self.config)
         return found.pose
 
 

@@ -26,6 +26,7 @@ from ..typing import ImageLike
 from .calibration import depth_bias
 from .contour_stage import refine_result
 from .detection import PoseDetector, TemplateStore
+from .half_turns import refined_half_turns
 from .inputs import camera_of, meshes_of, policy_of, poses_of, renderer_of
 from .keyframes import Keyframe
 from .multi_start import most_confident, perturbed_starts, uses_multi_start
@@ -260,12 +261,17 @@ class PoseTracker(Generic[Results]):
         found = supervisor.search(frame, track.mesh.outer(track.last_confident))
         if found is None:
             return False
-        centred = track.mesh.inner(found.to(torch.float64))
+        again = self._begin_again(number, track.mesh.inner(found.to(torch.float64)))
+        again.keyframes = track.keyframes
+        return True
+
+    def _begin_again(self, number: int, centred: Pose) -> TrackState:
+        """Follow an object from another pose; what is known of its colours stays."""
+        track = self.tracks[number]
         again = TrackState.begin(track.mesh, centred, self.config)
         again.histograms, again.depth_bias = track.histograms, track.depth_bias
-        again.keyframes = track.keyframes
         self.tracks[number] = again
-        return True
+        return again
 
     def _refine(self, frame: Frame, numbers: Sequence[int]) -> list[Refined]:
         """Follow objects, each from the best of its starts, and recover those of low confidence."""
@@ -284,7 +290,27 @@ class PoseTracker(Generic[Results]):
             loop=self.config.loop,
             groups=groups,
         )
-        return self._recover(frame, numbers, results)
+        results = self._recover(frame, numbers, results)
+        return [
+            self._turned(frame, number, result)
+            for number, result in zip(numbers, results, strict=True)
+        ]
+
+    def _turned(self, frame: Frame, number: int, result: Refined) -> Refined:
+        """The result, or for an object that was found lately its half turn, if it is likelier."""
+        check, track = self.supervisors[number].check, self.tracks[number]
+        if check is None or result.centred is None or not check.is_due():
+            return result
+        start = Start(frame, track.mesh, result.centred, track.depth_bias)
+        turned = refined_half_turns(
+            start, result, policy=self.policy, renderer=self.renderer, loop=self.config.loop
+        )
+        best = check.better(result.confidence, [one.confidence for one in turned])
+        centred = None if best is None else turned[best].centred
+        if best is None or centred is None:
+            return result
+        self._begin_again(number, centred)
+        return turned[best]
 
     def _recover(
         self, frame: Frame, numbers: Sequence[int], results: list[Refined]

@@ -22,6 +22,7 @@ from torch import Tensor
 from ..config import TextureConfig
 from ..errors import InputError
 from .camera import Camera
+from .half_turn import half_turns
 from .hull import convex_hull
 from .mesh_files import read_mesh_file
 from .mesh_files.join import PLAIN, Surface
@@ -154,6 +155,11 @@ class Mesh:
     def motions(self) -> NDArray[np.float64]:
         """Motions (S, 4, 4) of the centred frame that leave its looks unchanged, identity first."""
         return self.symmetries.centred(self.center)
+
+    @cached_property
+    def half_turns(self) -> NDArray[np.float64]:
+        """Motions (3, 4, 4) of the centred frame: half turns about the axes of the smallest box."""
+        return half_turns(self.vertices.astype(np.float64))
 
     @property
     def has_colours(self) -> bool:

@@ -23,6 +23,7 @@ from ...rendering.renderer import Renderer
 from ...threads import checked_threads, with_own_threads
 from ...typing import ImageLike
 from ..contour_stage import refine_result
+from ..half_turns import half_turned
 from ..inputs import camera_of, meshes_of, policy_of, pose_of, renderer_of
 from ..refine import refine_starts
 from ..results import Refined, Start
@@ -251,12 +252,18 @@ class PoseDetector:
         stages: Sequence[tuple[int, int]],
         instances: int,
     ) -> Generator[None, None, list[Refined]]:
-        """Refine centred candidates in rounds, fewer and longer each time; the best at the end."""
+        """Refine centred candidates in rounds, fewer and longer each time; the best at the end.
+
+        In the last round the best one starts turned by half, too, as cartons are found.
+        """
         results: list[Refined] = []
         for number, (count, iterations) in enumerate(stages):
             if number:
                 best = _most_confident(results, count * instances)
                 poses = [one.centred for one in best if one.centred is not None]
+            if number and number == len(stages) - 1:
+                turned = poses[: instances * self.config.half_turns]
+                poses = [*poses, *(pose for one in turned for pose in half_turned(self.mesh, one))]
             results = []
             loop = replace(self.settings.loop, max_iterations=iterations)
             for first in range(0, len(poses), STEP_BATCH):
@@ -287,8 +294,13 @@ class PoseDetector:
         return found
 
     def _answer(self, found: Sequence[FoundPose], instances: int) -> Detection:
-        """Which of the poses are right, as many as there may be instances."""
-        apart = self._apart(sorted(found, key=lambda one: -one.probability))
+        """Which of the poses are right, as many as there may be instances.
+
+        Poses of one place are views of one thing: there the confidence alone decides, which knows
+        half turns apart that agree with the image as well.
+        """
+        surest = sorted(found, key=lambda one: -one.evidence.confidence if one.evidence else 0)
+        apart = sorted(self._apart(surest), key=lambda one: -one.probability)
         accepted = [one for one in apart if one.probability >= self.config.accepted][:instances]
         rest = [one for one in apart if not any(one is kept for kept in accepted)]
         return Detection(tuple(accepted), tuple(rest))

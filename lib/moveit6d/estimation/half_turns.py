@@ -1,0 +1,83 @@
+"""Whether an object is seen turned by half about an axis of its box: cartons, tools and bottles.
+
+Never searches an image. Where one side hardly tells, a search finds such objects upside down, and
+the loop does not leave that pose. The network is more confident at the right one of the two, if
+only by little (docs/results/detection.md): it is asked in several frames.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import torch
+
+from ..config import LoopConfig, RecoveryConfig
+from ..geometry.mesh import Mesh
+from ..geometry.pose import Pose
+from ..policies import Policy
+from ..rendering.renderer import Renderer
+from .refine import refine_starts
+from .results import Refined, Start
+
+CERTAIN = 1e-4  # a confidence nearer to 0 or 1 says no more
+
+
+def half_turned(mesh: Mesh, centred: Pose) -> list[Pose]:
+    """The three centred poses of an object that is turned by half where it is."""
+    found = []
+    for motion in mesh.half_turns:
+        turn = torch.from_numpy(motion).to(centred.rotation)
+        shift = centred.rotation @ turn[:3, 3] + centred.translation
+        found.append(Pose(centred.rotation @ turn[:3, :3], shift))
+    return found
+
+
+def refined_half_turns(
+    start: Start, result: Refined, *, policy: Policy, renderer: Renderer, loop: LoopConfig
+) -> list[Refined]:
+    """Where the loop ends from the half turns of a result that has a pose."""
+    assert result.centred is not None
+    starts = [replace(start, centred=pose) for pose in half_turned(start.mesh, result.centred)]
+    return refine_starts(starts, policy=policy, renderer=renderer, loop=loop)
+
+
+@dataclass
+class HalfTurnCheck:
+    """The comparison of a pose that was found with its half turns, over the frames after.
+
+    >>> check = HalfTurnCheck(RecoveryConfig(half_turn_frames=2, half_turn_interval=3))
+    >>> [check.is_due() for _ in range(7)]
+    [True, False, False, True, False, False, False]
+    """
+
+    config: RecoveryConfig = field(default_factory=RecoveryConfig)
+    _frames: int = 0
+    _evidence: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+
+    def is_due(self) -> bool:
+        """Whether the half turns are to be tried in this frame; to be asked once a frame."""
+        number, rest = divmod(self._frames, self.config.half_turn_interval)
+        self._frames += 1
+        return rest == 0 and number < self.config.half_turn_frames
+
+    def better(self, own: float, turned: Sequence[float]) -> int | None:
+        """Which half turn is more likely by all frames so far, given a frame's confidences.
+
+        None for the pose itself. After a change the comparison starts anew.
+        """
+        self._evidence = [
+            known + _log_odds(one) - _log_odds(own)
+            for known, one in zip(self._evidence, turned, strict=True)
+        ]
+        best = max(range(len(turned)), key=self._evidence.__getitem__)
+        if self._evidence[best] <= self.config.half_turn_evidence:
+            return None
+        self._evidence = [0.0] * len(turned)
+        return best
+
+
+def _log_odds(confidence: float) -> float:
+    kept = min(max(confidence, CERTAIN), 1 - CERTAIN)
+    return math.log(kept / (1 - kept))
