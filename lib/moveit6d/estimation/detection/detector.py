@@ -299,8 +299,8 @@ class PoseDetector:
         Poses of one place are views of one thing: there the confidence alone decides, which knows
         half turns apart that agree with the image as well.
         """
-        surest = sorted(found, key=lambda one: -one.evidence.confidence if one.evidence else 0)
-        apart = sorted(self._apart(surest), key=lambda one: -one.probability)
+        ranked = sorted(found, key=lambda one: -one.evidence.confidence if one.evidence else 0)
+        apart = sorted(self._apart(ranked), key=lambda one: -one.probability)
         accepted = [one for one in apart if one.probability >= self.config.accepted][:instances]
         rest = [one for one in apart if not any(one is kept for kept in accepted)]
         return Detection(tuple(accepted), tuple(rest))
