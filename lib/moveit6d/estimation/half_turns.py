@@ -35,11 +35,10 @@ def half_turned(mesh: Mesh, centred: Pose) -> list[Pose]:
 
 
 def refined_half_turns(
-    start: Start, result: Refined, *, policy: Policy, renderer: Renderer, loop: LoopConfig
+    start: Start, *, policy: Policy, renderer: Renderer, loop: LoopConfig
 ) -> list[Refined]:
-    """Where the loop ends from the half turns of a result that has a pose."""
-    assert result.centred is not None
-    starts = [replace(start, centred=pose) for pose in half_turned(start.mesh, result.centred)]
+    """Where the loop ends from the half turns of a start."""
+    starts = [replace(start, centred=pose) for pose in half_turned(start.mesh, start.centred)]
     return refine_starts(starts, policy=policy, renderer=renderer, loop=loop)
 
 

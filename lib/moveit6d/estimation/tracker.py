@@ -303,7 +303,7 @@ class PoseTracker(Generic[Results]):
             return result
         start = Start(frame, track.mesh, result.centred, track.depth_bias)
         turned = refined_half_turns(
-            start, result, policy=self.policy, renderer=self.renderer, loop=self.config.loop
+            start, policy=self.policy, renderer=self.renderer, loop=self.config.loop
         )
         best = check.better(result.confidence, [one.confidence for one in turned])
         centred = None if best is None else turned[best].centred
