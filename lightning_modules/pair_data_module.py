@@ -22,6 +22,7 @@ from moveit6d.errors import InputError
 from moveit6d.networks.inference import InferenceNetwork
 from moveit6d.networks.weights_file import WEIGHTS_NAME, load_network
 from moveit6d.observation import Observation
+from moveit6d.synthesis.training.dihedral import dihedral_view
 from moveit6d.synthesis.training.pairs import PairConfig, TrainingBatch
 from moveit6d.synthesis.training.shards import shard_stream
 from moveit6d.synthesis.training.source import PairSource, mesh_files
@@ -59,6 +60,8 @@ class PairDataModule(pl.LightningDataModule):
         untextured: share of those that are copies of the meshes without their texture.
         renew_every: batches after which one random shape is replaced by a new one; 0: never.
         written: folder of `moveit6d write-pairs`; None: pairs are drawn as training goes.
+        dihedral: written pairs are shown in one of their eight dihedral views, a new one each time:
+            so few pairs are not learnt by heart.
         batch_size: pairs a batch, in each training process.
         workers: processes that draw pairs.
         validation_batches: fixed batches of pairs for validation.
@@ -81,6 +84,7 @@ class PairDataModule(pl.LightningDataModule):
         untextured: float = 0.0,
         renew_every: int = 50,
         written: Path | None = None,
+        dihedral: bool = False,
         batch_size: int = 32,
         workers: int = 1,
         validation_batches: int = 8,
@@ -98,9 +102,11 @@ class PairDataModule(pl.LightningDataModule):
         for name, value in counts.items():
             if value < least.get(name, 0):
                 raise InputError(f"data.{name} is {value}, must be {least.get(name, 0)} or more.")
+        if dihedral and written is None:
+            raise InputError("data.dihedral is for written pairs: set data.written, too.")
         self.folder, self.mesh_unit, self.holdout = meshes, mesh_unit, holdout
         self.photos, self.photo_limit = photos, photo_limit
-        self.occluders, self.written = occluders, written
+        self.occluders, self.written, self.dihedral = occluders, written, dihedral
         self.shapes, self.symmetric, self.untextured = shapes, symmetric, untextured
         self.renew_every = renew_every
         self.batch_size, self.workers = batch_size, workers
@@ -207,8 +213,9 @@ class PairDataModule(pl.LightningDataModule):
                 "data.rollouts.iterations to 0 or data.written to null."
             )
         return WrittenStream(
-            folder, self.batch_size, self.seed, self._step(), self._rank(), self._processes()
-        )
+            folder, self.batch_size, self.seed, self._step(), self._rank(), self._processes(),
+            self.dihedral,
+        )  # fmt: skip
 
     def _rollouts(self) -> RolloutConfig:
         if self.rollouts.weights is None and self.trainer:
@@ -272,11 +279,13 @@ class WrittenStream(IterableDataset[TrainingBatch]):
     """Batches without end from shards; processes and workers share each epoch's shards out."""
 
     def __init__(
-        self, folder: Path, batch_size: int, seed: int, step: int, rank: int, processes: int
-    ) -> None:
+        self, folder: Path, batch_size: int, seed: int, step: int, rank: int, processes: int,
+        dihedral: bool = False,
+    ) -> None:  # fmt: skip
         super().__init__()
         self.folder, self.batch_size, self.seed = Path(folder), batch_size, seed
         self.step, self.rank, self.processes = step, rank, processes
+        self.dihedral = dihedral
 
     def __iter__(self) -> Iterator[TrainingBatch]:
         worker = get_worker_info()
@@ -284,7 +293,13 @@ class WrittenStream(IterableDataset[TrainingBatch]):
         # Workers are asked in turn, so each has given an equal part of what was used so far.
         skip = (self.step + workers - 1 - number) // workers
         reader, readers = self.rank * workers + number, self.processes * workers
-        return shard_stream(self.folder, self.batch_size, self.seed, reader, readers, skip)
+        batches = shard_stream(self.folder, self.batch_size, self.seed, reader, readers, skip)
+        return self._views(batches, reader) if self.dihedral else batches
+
+    def _views(self, batches: Iterator[TrainingBatch], reader: int) -> Iterator[TrainingBatch]:
+        random = np.random.default_rng([self.seed, self.step, reader])
+        for batch in batches:
+            yield dihedral_view(batch, int(random.integers(4)), bool(random.integers(2)))
 
 
 class _Student:

@@ -194,6 +194,28 @@ def expert_delta(
     return delta[delta.norm(dim=-1).argmin()]
 
 
+def rotate_delta(delta: Tensor, quarters: int) -> Tensor:
+    """The delta (..., 6) in patches that are turned as `observation.rotated` does.
+
+    Examples:
+        >>> import torch
+        >>> rotate_delta(torch.tensor([1.0, 0.0, 5.0, 0.0, 2.0, 3.0]), 1).tolist()
+        [0.0, -1.0, 5.0, 2.0, -0.0, 3.0]
+    """
+    for _ in range(quarters % 4):
+        x, y, z, about_x, about_y, about_z = delta.unbind(-1)
+        delta = torch.stack([y, -x, z, about_y, -about_x, about_z], -1)
+    return delta
+
+
+def mirror_delta(delta: Tensor) -> Tensor:
+    """The delta (..., 6) in patches whose right and left are exchanged: `observation.mirrored`.
+
+    Shifts along x and turns about y and z change their signs.
+    """
+    return delta * delta.new_tensor([-1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
+
+
 def _diameter(mesh: Mesh, pose: Pose) -> Tensor:
     """The mesh's sphere diameter for poses (...)."""
     return pose.translation.new_tensor(mesh.sphere_diameter, dtype=torch.float64).expand(

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from .actions import PoseAction, expert_action, pose_delta
+from .actions import PoseAction, expert_action, mirror_delta, pose_delta, rotate_delta
 from .config import ActionMode, Mode
 from .errors import InputError
 from .geometry.crop import Crop
@@ -123,9 +123,6 @@ class DihedralAugmentation:
     them. Scores of single actions and the attention are those of what is seen.
     """
 
-    # The axes of a delta that change sign in the mirror: shifts along x and turns about y and z.
-    SIGNS = (-1.0, 1.0, 1.0, 1.0, -1.0, -1.0)
-
     def __init__(self, policy: Policy) -> None:
         self.policy, self.mode, self.crop = policy, policy.mode, policy.crop
 
@@ -139,19 +136,11 @@ class DihedralAugmentation:
             shown = rotated(observation, quarters)
             other = self.policy.predict(mirrored(shown) if mirror else shown, state)
             assert other.delta is not None
-            delta = other.delta * torch.tensor(self.SIGNS) if mirror else other.delta
+            delta = mirror_delta(other.delta) if mirror else other.delta
             every.append(replace(other, delta=rotate_delta(delta, -quarters)))
         delta = torch.stack([one.delta for one in every if one.delta is not None]).mean(0)
         confidence = torch.stack([one.confidence for one in every]).mean(0)
         return replace(prediction, delta=delta, confidence=confidence)
-
-
-def rotate_delta(delta: Tensor, quarters: int) -> Tensor:
-    """The delta (B, 6) of an observation that is turned as `rotated` does."""
-    for _ in range(quarters % 4):
-        x, y, z, about_x, about_y, about_z = delta.unbind(-1)
-        delta = torch.stack([y, -x, z, about_y, -about_x, about_z], -1)
-    return delta
 
 
 class OraclePolicy:

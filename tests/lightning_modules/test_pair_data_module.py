@@ -23,6 +23,7 @@ from moveit6d.geometry.mesh import Mesh
 from moveit6d.networks.action_net import ActionConfig, ActionNet
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
 from moveit6d.networks.weights_file import save_network
+from moveit6d.synthesis.training.pairs import TrainingBatch
 from moveit6d.synthesis.training.shards import ShardPlan, ShardWriter
 from moveit6d.synthesis.training.source import PairSource
 from tests.support.pairs import small_source
@@ -190,6 +191,24 @@ def test_processes_share_written_pairs_and_go_on(written: Path) -> None:
     first, second = delta(0, 0, 4), delta(0, 1, 4)
     assert not set(first) & set(second) and len(set(first + second)) == 8
     assert delta(3, 1, 1) == second[3:]
+
+
+def test_written_pairs_come_in_other_dihedral_views_each_time(written: Path) -> None:
+    module = PairDataModule(written=written, dihedral=True, batch_size=2, workers=0)
+    batches = list(islice(module.train_dataloader(), 64))  # eight epochs
+
+    def sides(batch: TrainingBatch) -> tuple[float, ...]:
+        lengths = batch.delta.reshape(-1, 2, 3)
+        return tuple(lengths.norm(dim=2).flatten().tolist())  # the same in all views
+
+    kinds = Counter(tuple(round(value, 3) for value in sides(batch)) for batch in batches)
+    assert set(kinds.values()) == {8}
+    assert len({tuple(batch.delta.flatten().tolist()) for batch in batches}) > 24
+
+
+def test_dihedral_views_are_of_written_pairs() -> None:
+    with pytest.raises(InputError, match=r"data\.dihedral is for written pairs"):
+        PairDataModule(dihedral=True)
 
 
 def test_rollouts_are_of_what_the_fit_itself_exports_unless_told_otherwise(tmp_path: Path) -> None:
