@@ -51,8 +51,8 @@ measure() { # NAME FOLDER [OPTION …]: a row of the table
 }
 figures() { # WEIGHTS CLUSTER [OPTION …]: ADD < 5 %, < 10 %, median steps, AUROC of the confidence
     moveit6d benchmark refinement --weights "$1" --objects "$objects" --photos "$backgrounds" \
-        --cluster "$2" --no_contour --no_multi_start --threads 1 "${@:3}" |
-        awk '/^after/ { five = $3; ten = $4 } /^steps/ { median = $NF } /^confidence/ { auc = $3 }
+        --cluster "$2" --gamma 1 --no_contour --no_multi_start --threads 1 "${@:3}" |
+        awk '/^after/ { five = $3; ten = $4 } /^iterations/ { median = $NF } /^confidence/ { auc = $3 }
              END { print five " | " ten " | " median " | " auc }'
 }
 

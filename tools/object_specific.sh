@@ -18,8 +18,8 @@ measure() { # NAME CLUSTER [OPTION …]
     local name=$1 cluster=$2
     shift 2
     moveit6d benchmark refinement --objects "$output/mesh" --photos "$backgrounds" --cluster "$cluster" \
-        --no_contour --threads 1 --number 100 "$@" |
-        awk -v name="$name | $cluster" '/^after/ { five = $3; ten = $4 } /^steps/ { median = $NF }
+        --gamma 1 --no_contour --threads 1 --number 100 "$@" |
+        awk -v name="$name | $cluster" '/^after/ { five = $3; ten = $4 } /^iterations/ { median = $NF }
              END { print "| " name " | " five " | " ten " | " median " |" }'
 }
 

@@ -95,6 +95,13 @@ def add_parser(verbs: Any) -> None:
         metavar="SHARE",
         help="share of cases with a third of the object occluded",
     )
+    three.add_argument(
+        "--gamma",
+        type=float,
+        default=2.2,
+        metavar="G",
+        help="light mixes at the object's edge as in a camera of this gamma; 1: colours mix",
+    )
     three.add_argument("--number", type=positive, default=200, metavar="N", help="cases")
     three.add_argument("--seed", type=int, default=0, metavar="N", help="of the cases")
     add_tracking_options(three)
@@ -165,6 +172,7 @@ def refinement(args: argparse.Namespace) -> int:
             occluded=args.occluded,
             number=args.number,
             seed=args.seed,
+            gamma=args.gamma,
         )
     )
     runs = run_cases(cases, policy, renderer, setting.config)
@@ -178,7 +186,7 @@ def refinement(args: argparse.Namespace) -> int:
         rows.append([name, *shares, f"{100 * float(np.median(errors)):.2f}"])
     print(
         f"{len(found)} cases, {len(meshes)} objects, cluster {args.cluster}, occluded "
-        f"{args.occluded:g}, seed {args.seed}\n"
+        f"{args.occluded:g}, gamma {args.gamma:g}, seed {args.seed}\n"
     )
     print(plain(["", "ADD<2%", "ADD<5%", "ADD<10%", "median % d"], rows))
     iterations = [case.result.iterations for case in found]

@@ -15,6 +15,7 @@ from kornia.geometry.transform import warp_perspective
 from torch import Tensor
 
 from ..actions import PoseAction
+from ..errors import InputError
 from ..estimation import Target
 from ..geometry.crop import PADDING, View, crop_homography, look_at
 from ..geometry.mesh import Mesh
@@ -26,6 +27,7 @@ from .augmentation.random_source import RandomSource
 from .default_camera import CAMERA
 from .imaging.blur import gaussian_blur
 from .imaging.layers import over, premultiplied
+from .imaging.linear_light import GAMMA, to_display, to_linear
 from .imaging.sensor import add_noise, to_bytes
 from .training.clusters import ClusterConfig, draw_delta
 
@@ -50,8 +52,15 @@ def make_cases(
     occluded: float,
     number: int,
     seed: int = 0,
+    gamma: float = GAMMA,
 ) -> Iterator[Case]:
-    """`number` cases, the objects in turn; `occluded` is the share of cases with an occluder."""
+    """`number` cases, the objects in turn; `occluded` is the share of cases with an occluder.
+
+    At the object's edge light mixes by `gamma`, as in a camera; at 1 colours mix, as in many
+    renderers.
+    """
+    if not gamma > 0:
+        raise InputError(f"gamma is {gamma}, must be above 0: 2.2 as in a camera, 1 without.")
     random = np.random.default_rng(seed)
     generator = torch.Generator().manual_seed(seed)
     for k in range(number):
@@ -62,7 +71,7 @@ def make_cases(
         start = PoseAction.from_delta(delta).apply_centred(truth, diameter)
         photo = photos[int(random.integers(len(photos)))]
         picture = _photo(photo)
-        picture = _put(picture, mesh, truth, renderer, generator)
+        picture = _put(picture, mesh, truth, renderer, generator, gamma)
         if random.random() < occluded:
             card_photo = photos[int(random.integers(len(photos)))]
             picture = _occlude(picture, card_photo, mesh, truth, random)
@@ -92,7 +101,12 @@ def _photo(photo: np.ndarray) -> Tensor:
 
 
 def _put(
-    picture: Tensor, mesh: Mesh, truth: Pose, renderer: Renderer, generator: torch.Generator
+    picture: Tensor,
+    mesh: Mesh,
+    truth: Pose,
+    renderer: Renderer,
+    generator: torch.Generator,
+    gamma: float,
 ) -> Tensor:
     """The picture with the shaded object, rendered in a fine look-at view and warped in."""
     diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
@@ -115,7 +129,7 @@ def _put(
         LightConfig(),
         RandomSource(generator),
     )
-    layer = premultiplied(lit, buffer.mask)
+    layer = premultiplied(to_linear(lit, gamma), buffer.mask)
     scale = float(matrix[0, 0]) / CAMERA.fx
     if scale > 1:  # the picture is coarser: blur first, or edges alias
         layer = gaussian_blur(layer, torch.tensor([0.45 * scale]), int(2 * scale))
@@ -123,7 +137,7 @@ def _put(
     warped: Tensor = warp_perspective(
         layer, back, (CAMERA.height, CAMERA.width), align_corners=True
     )
-    return over(picture[None], warped)[0]
+    return to_display(over(to_linear(picture[None], gamma), warped), gamma)[0]
 
 
 def _occlude(
