@@ -221,8 +221,6 @@ def _mean_entropy(logits: Tensor, target: Tensor, where: Tensor) -> Tensor:
 _NEVER = -10.0  # the score of what is not to be chosen; an infinite one has no gradient
 # Cells by which a template is put beside its place.
 _BESIDE = ((3, 0), (-3, 0), (0, 3), (0, -3), (4, 4), (-4, 4), (4, -4), (-4, -4), (6, 0), (0, 6))
-_REACH, _STRIDE = 6, 2  # cells: how far beyond an image's edge a template is put, and how often
-_INSIDE = 0.4  # of a template's cells, at least, lie inside an image where it is put
 
 
 def view_pictures(views: ViewBatch) -> Tensor:
@@ -232,45 +230,33 @@ def view_pictures(views: ViewBatch) -> Tensor:
 
 
 def view_loss(described: Tensor, views: ViewBatch, mesh: Tensor, temperature: Tensor) -> Tensor:
-    """How well descriptors of the batch's images and of `view_pictures` tell templates and places.
+    """How well descriptors of `view_pictures` tell the right template and its place from others.
 
     Cross-entropy of the right template among those of other sides and other objects, and of its
-    place among those beside it and all over the batch's images of other objects; scores are mean
-    cosines on the template. `mesh` (B,) numbers the objects of the batch.
+    place among those beside it and in other pictures; scores are mean cosines on the template.
     """
     count, each = views.masks.shape[:2]
     described = functional.normalize(centred(described.float()), dim=1)
-    scene, image = described[: len(mesh)], described[len(mesh) : len(mesh) + count]
-    templates = described[len(mesh) + count :].reshape(count, each, *image.shape[1:])
+    image = described[:count]
+    templates = described[count:].reshape(count, each, *image.shape[1:])
     masks = (functional.avg_pool2d(views.masks.flatten(0, 1), 8) > 0.5).float()
     masks = masks.reshape(count, each, *masks.shape[1:])  # (N, 1 + K, 1, 16, 16)
     size = masks.flatten(2).sum(2).clamp_min(1)
     masked = templates * masks
     own = (masked * image[:, None]).flatten(2).sum(2) / size  # (N, 1 + K)
     across = image.flatten(1) @ masked[:, 0].flatten(1).T / size[None, :, 0]  # (picture, template)
-    mesh = mesh.to(across.device)
-    same = mesh[:count, None] == mesh[None]  # (N, B)
-    across = torch.where(same[:, :count], _NEVER, across)
-    others = torch.where(views.positive[:, 1:] > 0.5, _NEVER, own[:, 1:])
+    mesh = mesh[:count].to(across.device)
+    never = across.new_tensor(_NEVER)
+    across = torch.where(mesh[:, None] == mesh[None], never, across)
+    others = torch.where(views.positive[:, 1:] > 0.5, never, own[:, 1:])
     scale = temperature.exp().clamp_max(50.0)
     weight = views.visible * (views.visible > 0.3) * (size[:, 0] > 4)
     target = torch.zeros(count, dtype=torch.long, device=image.device)
     by_view = torch.cat([own[:, :1], others, across], 1) * scale
-    elsewhere = torch.where(same[..., None], _NEVER, _anywhere(masked[:, 0], masks[:, 0], scene))
-    places = _beside(masked[:, 0], masks[:, 0], image), elsewhere.flatten(1)
-    by_place = torch.cat([own[:, :1], *places], 1) * scale
+    by_place = torch.cat([own[:, :1], _beside(masked[:, 0], masks[:, 0], image), across.T], 1)
     losses = functional.cross_entropy(by_view, target, reduction="none")
-    losses = losses + functional.cross_entropy(by_place, target, reduction="none")
+    losses = losses + functional.cross_entropy(by_place * scale, target, reduction="none")
     return _mean_of(losses, weight)
-
-
-def _anywhere(masked: Tensor, mask: Tensor, scene: Tensor) -> Tensor:
-    """Scores (N, B, places) of templates (N, D, 16, 16) all over images (B, D, 16, 16)."""
-    with torch.autocast(scene.device.type, enabled=False):
-        inside = functional.conv2d(torch.ones_like(scene[:1, :1]), mask, None, _STRIDE, _REACH)
-        score = functional.conv2d(scene, masked, None, _STRIDE, _REACH) / inside.clamp_min(1)
-    enough = inside > _INSIDE * mask.flatten(1).sum(1)[None, :, None, None]
-    return torch.where(enough, score, _NEVER).transpose(0, 1).flatten(2)
 
 
 def _beside(masked: Tensor, mask: Tensor, image: Tensor) -> Tensor:
@@ -283,5 +269,5 @@ def _beside(masked: Tensor, mask: Tensor, image: Tensor) -> Tensor:
         moved = image[..., max(0, y) : cells + min(0, y), max(0, x) : cells + min(0, x)]
         inside = mask[..., rows, columns].flatten(1).sum(1)
         score = (masked[..., rows, columns] * moved).flatten(1).sum(1) / inside.clamp_min(1)
-        found.append(torch.where(inside > _INSIDE * total, score, _NEVER))
+        found.append(torch.where(inside > 0.4 * total, score, _NEVER))
     return torch.stack(found, 1)

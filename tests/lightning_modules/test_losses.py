@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from torch.nn import functional
 
 from lightning_modules.losses import (
     RIGHT,
     LossWeights,
-    _anywhere,
     correlation_losses,
     dense_truth,
     is_right,
@@ -115,51 +113,16 @@ def test_descriptors_that_know_the_view_cost_less_than_ones_that_do_not() -> Non
     generator = torch.Generator().manual_seed(0)
     image, *templates = torch.randn(5, len(views.image), 32, 16, 16, generator=generator)
     # The right template has the picture's own descriptors, the others any.
-    knowing = torch.cat([image, image, torch.stack([image, *templates[1:]], 1).flatten(0, 1)])
-    lost = torch.cat([image, image, torch.stack(templates, 1).flatten(0, 1)])
+    knowing = torch.cat([image, torch.stack([image, *templates[1:]], 1).flatten(0, 1)])
+    lost = torch.cat([image, torch.stack(templates, 1).flatten(0, 1)])
     costs = [float(view_loss(d, views, mesh, temperature)) for d in (knowing, lost)]
     assert costs[0] < 0.1 and costs[1] > 2.0
-
-
-def test_templates_that_look_like_another_object_somewhere_cost_more() -> None:
-    views = with_views(0.5).views
-    assert views is not None and len(views.image) == 3
-    views = replace(views, visible=torch.ones_like(views.visible))
-    generator = torch.Generator().manual_seed(0)
-    image, *templates = torch.randn(5, 3, 32, 16, 16, generator=generator)
-    pictures = torch.cat([image, torch.stack([image, *templates[1:]], 1).flatten(0, 1)])
-    scene = torch.randn(6, 32, 16, 16, generator=generator)
-    alike = scene.clone()
-    alike[5, :, :, 4:] = image[0, :, :, :12]  # the first object's looks, four cells to the right
-    temperature, mesh = torch.tensor(2.3), torch.arange(6)
-
-    def cost(scene: torch.Tensor, mesh: torch.Tensor) -> float:
-        return float(view_loss(torch.cat([scene, pictures]), views, mesh, temperature))
-
-    assert cost(alike, mesh) > cost(scene, mesh) + 0.1
-    same = torch.tensor([0, 1, 2, 3, 4, 0])  # the last image may show the first object
-    assert cost(alike, same) == pytest.approx(cost(scene, same), abs=0.01)
-
-
-def test_places_all_over_an_image_are_scored_as_if_each_was_cut_out() -> None:
-    generator = torch.Generator().manual_seed(0)
-    scene = torch.randn(2, 4, 16, 16, generator=generator)
-    mask = torch.zeros(1, 1, 16, 16)
-    mask[..., 5:11, 4:12] = 1
-    masked = torch.randn(1, 4, 16, 16, generator=generator) * mask
-    scores = _anywhere(masked, mask, scene).reshape(2, 7, 7)
-    padded = functional.pad(scene, (6, 6, 6, 6))
-    for row, column in ((3, 3), (2, 5)):  # the whole template inside
-        part = padded[..., 2 * row : 2 * row + 16, 2 * column : 2 * column + 16]
-        expected = (part * masked).sum((1, 2, 3)) / mask.sum()
-        assert torch.allclose(scores[:, row, column], expected, atol=1e-5)
 
 
 def test_invisible_objects_teach_no_descriptors() -> None:
     views = with_views().views
     assert views is not None
-    pictures = len(view_pictures(views)) + len(views.image)
-    described = torch.randn(pictures, 32, 16, 16, requires_grad=True)
+    described = torch.randn(len(view_pictures(views)), 32, 16, 16, requires_grad=True)
     gone = replace(views, visible=torch.zeros_like(views.visible))
     loss = view_loss(described, gone, torch.arange(len(views.image)), torch.tensor(2.3))
     loss.backward()

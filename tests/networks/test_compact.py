@@ -37,7 +37,7 @@ def test_every_parameter_but_the_temperature_of_views_gets_a_gradient() -> None:
     network = CompactCorrelationNet()
     beside = torch.rand(2, 3, 128, 128)
     output = network(some(), beside=beside)
-    assert output.described is not None and output.described.shape == (4, 32, 16, 16)
+    assert output.described is not None and output.described.shape == (2, 32, 16, 16)
     prediction = output.prediction
     assert prediction.delta is not None
     total = output.matching.square().mean() + output.described.square().mean()
@@ -53,9 +53,8 @@ def test_descriptors_of_a_picture_are_those_beside_a_batch() -> None:
     network = CompactCorrelationNet().eval()
     pictures = torch.rand(3, 3, 128, 128)
     with torch.inference_mode():
-        observation = some()
-        beside = network(observation, beside=pictures).described
-        alone = network.descriptors(torch.cat([observation.image, pictures]))
+        beside = network(some(), beside=pictures).described
+        alone = network.descriptors(pictures)
         wide = network.descriptors(torch.full((1, 3, 96, 160), GREY))
     assert beside is not None and torch.allclose(alone, beside, atol=1e-5)
     assert wide.shape == (1, 32, 12, 20)

@@ -113,9 +113,7 @@ class CompactCorrelationNet(nn.Module):
     def forward(
         self, observation: Observation, matching_only: bool = False, beside: Tensor | None = None
     ) -> CorrelationOutput:
-        """Answer a batch; with pictures (N, 3, 128, 128) `beside` it, describe its images and them.
-
-        `described` (B + N, D, 16, 16) is then what `descriptors` has for them.
+        """Answer a batch; describe pictures (N, 3, 128, 128) `beside` it as `descriptors` does.
 
         With `matching_only` the gradient of everything after the correlation does not reach the
         encoder: the first training steps need it, or the correlation stays at chance.
@@ -130,7 +128,7 @@ class CompactCorrelationNet(nn.Module):
         shared8 = self.encode8(shared4)
         described = None
         if beside is not None:
-            apart = torch.cat([shared8[:batch], shared8[2 * batch :]])
+            apart = shared8[2 * batch :]
             described = self.describe(apart.detach() if matching_only else apart)
             shared4, shared8 = shared4[: 2 * batch], shared8[: 2 * batch]
         features = shared4, shared8
@@ -154,7 +152,10 @@ class CompactCorrelationNet(nn.Module):
         solved, residual = self._solve(observation, depth, fine)
 
         attention = torch.sigmoid(self.attend(hidden))
-        object4, object8 = (functional.max_pool2d(observation.mask, size) for size in (4, 8))
+        object4, object8 = (
+            functional.max_pool2d(observation.mask, 4),
+            functional.max_pool2d(observation.mask, 8),
+        )
         attended, near = attention_pool(hidden, attention), attention_pool(fine_hidden, object4)
         values = self.head(torch.cat([attended, near, solved / 10], 1))
         delta = solved + values[:, :6] * HEAD_SCALE

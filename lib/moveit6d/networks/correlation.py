@@ -68,7 +68,7 @@ class CorrelationOutput:
     solved: Tensor
     confidence_logit: Tensor
     prediction: PolicyOutput
-    described: Tensor | None = None  # descriptors of pictures (`CompactCorrelationNet`)
+    described: Tensor | None = None  # descriptors of further pictures (`CompactCorrelationNet`)
     features: tuple[Tensor, Tensor] | None = None
 
 
