@@ -15,8 +15,11 @@ GREY = [np.full((120, 160, 3), 128, np.uint8)]
 
 
 def some_cases(brick: Mesh, occluded: float = 0.0, gamma: float = 2.2) -> list:  # type: ignore[type-arg]
-    given = {"cluster": "all_small", "occluded": occluded, "number": 4, "seed": 1, "gamma": gamma}
-    return list(make_cases([brick], GREY, make_renderer(), **given))  # type: ignore[arg-type]
+    cases = make_cases(
+        [brick], GREY, make_renderer(), cluster="all_small", occluded=occluded, number=4, seed=1,
+        gamma=gamma,
+    )  # fmt: skip
+    return list(cases)
 
 
 def test_the_object_is_drawn_at_the_true_pose(brick: Mesh) -> None:
