@@ -17,7 +17,6 @@ from moveit6d.datasets.pose_files import read_poses
 FAST = [
     "--detection.templates.rotations", "40", "--detection.templates.coarse_rotations", "20",
     "--detection.match.widths", "[0.5, 0.9]", "--detection.stages", "[[4, 2]]",
-    "--detection.match.candidates", "4",
 ]  # fmt: skip
 
 

@@ -19,22 +19,22 @@ class TemplateConfig:
 
     Args:
         rotations: sides from which the object is described, spread evenly over all rotations.
+        width: width of the object's bounding sphere in these templates, pixels, a multiple of 8.
         coarse_rotations: sides of the smaller set that finds places in the image.
+        coarse_width: width of the sphere in that set, which is matched with the whole image.
         channels: numbers of a descriptor, which is projected to the axes that tell the object's
             cells apart best.
         colour: weight of three channels of coarse colour beside the descriptors.
-        width: width of the object's bounding sphere in a template, pixels, a multiple of 8. At 91,
-            as wide as in the patches of the loop, no more places and views were right, and
-            matching took three times as long.
         distance: distance from which templates are rendered, in diameters of the sphere: far enough
             to be nearly without perspective.
     """
 
     rotations: int = 600
+    width: int = 120
     coarse_rotations: int = 150
+    coarse_width: int = 64
     channels: int = 32
     colour: float = 0.22
-    width: int = 64
     distance: float = 5.0
 
     def __post_init__(self) -> None:
@@ -42,10 +42,11 @@ class TemplateConfig:
             raise InputError(
                 "TemplateConfig: rotations, coarse_rotations and channels must be 1 or more."
             )
-        if self.width < 8 or self.width % 8:
-            raise InputError(
-                f"TemplateConfig: width must be a multiple of 8 pixels, found {self.width}."
-            )
+        for width in (self.width, self.coarse_width):
+            if width < 8 or width % 8:
+                raise InputError(
+                    f"TemplateConfig: widths must be multiples of 8 pixels, found {width}."
+                )
         if not self.distance >= 1:
             raise InputError(
                 f"TemplateConfig: distance must be 1 diameter or more, found {self.distance}."
@@ -60,15 +61,13 @@ class MatchConfig:
         widths: smallest and largest width of the object's bounding sphere that is looked for, in
             shares of the image's shorter side.
         step: ratio of one width to the next.
-        local_mean: cells a side over which the image's descriptors are centred.
         places: how many places are looked into, thinned so that no two of them are the same.
         views: rotations that are kept of each place at most.
-        candidates: poses that are refined. Where none is accepted, single images go on with as many
-            more.
         tolerance_weight: weight of the score in which each cell may lie one cell beside where it
             should, against the score in units of a template's spread over the image.
-        samples: random positions in each level of the image from which a template's usual score,
-            its mean and spread, is measured.
+        samples: random positions in each level of the image from which the usual score of a coarse
+            template, its mean and spread, is measured.
+        background: random patches of the image from which that of the others is measured.
         reach: cells around a place in which each template looks for its own best position.
         same_place: peaks nearer than this, in widths of the object, are one place if their widths
             are also the same.
@@ -81,13 +80,12 @@ class MatchConfig:
 
     widths: tuple[float, float] = (0.1, 0.75)
     step: float = 1.22
-    local_mean: int = 13
     places: int = 20
-    views: int = 12
-    candidates: int = 48
+    views: int = 8
     tolerance_weight: float = 12.0
     samples: int = 100
-    reach: int = 2
+    background: int = 16
+    reach: int = 1
     same_place: float = 0.35
     same_width: float = 1.43
     min_spread: float = 0.2
@@ -100,14 +98,13 @@ class MatchConfig:
                 "MatchConfig: widths must be two positive shares, the smaller first, and step must "
                 f"be above 1, found {self.widths} and {self.step}."
             )
-        if min(self.places, self.views, self.candidates, self.local_mean) < 1:
+        if min(self.places, self.views) < 1:
+            raise InputError("MatchConfig: places and views must be 1 or more.")
+        if min(self.samples, self.background) < 2 or self.reach < 0 or self.same_width < 1:
             raise InputError(
-                "MatchConfig: places, views, candidates and local_mean must be 1 or more."
-            )
-        if self.samples < 2 or self.reach < 0 or self.same_width < 1:
-            raise InputError(
-                "MatchConfig: samples must be 2 or more, reach 0 or more and same_width 1 or more, "
-                f"found {self.samples}, {self.reach} and {self.same_width}."
+                "MatchConfig: samples and background must be 2 or more, reach 0 or more and "
+                f"same_width 1 or more, found {self.samples}, {self.background}, {self.reach} and "
+                f"{self.same_width}."
             )
         if self.min_spread < 0 or self.shortlist < 1:
             raise InputError(
@@ -192,7 +189,7 @@ class DetectorConfig:
         region: how closely candidates must agree with what is known of where the object is.
         verification: how likely a refined pose is right.
         stages: stages of the tournament: how many candidates are refined in each, and by how many
-            iterations.
+            iterations. Where none is accepted, single images go on with as many candidates more.
         half_turns: so many of the best candidates start turned by half about the axes of the
             object's box, too, in the last stage; 0 none.
         accepted: probability from which the object counts as found.
@@ -204,7 +201,7 @@ class DetectorConfig:
     match: MatchConfig = field(default_factory=MatchConfig)
     region: RegionConfig = field(default_factory=RegionConfig)
     verification: VerificationConfig = field(default_factory=VerificationConfig)
-    stages: tuple[tuple[int, int], ...] = ((48, 1), (12, 2), (4, 6))
+    stages: tuple[tuple[int, int], ...] = ((24, 3), (4, 6))
     half_turns: int = 1
     accepted: float = 0.5
     same_instance: float = 0.4

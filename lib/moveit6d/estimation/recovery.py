@@ -90,7 +90,7 @@ class Supervisor:
     def _begin(self, detector: PoseDetector, frame: Frame, near: Pose | None) -> Steps:
         """A new search: near a pose, or in the whole image."""
         if near is None:
-            return detector.steps(frame, most=detector.config.match.candidates)
+            return detector.steps(frame, most=detector.config.stages[0][0])
         most = self.config.near_candidates
         return detector.steps(frame, SearchRegion(near=near), (near,), most=most)
 

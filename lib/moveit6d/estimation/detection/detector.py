@@ -31,11 +31,13 @@ from ..seed_detector import SeedDetection, SeedDetector
 from ..seeding import seed_poses
 from ..visibility import check_start, start_problem
 from .found import Detection, FoundPose
-from .matching import Candidates, Matcher, Pyramid, ladder
+from .places import PlaceFinder
 from .points import poses_from_points
+from .pyramid import Pyramid, ladder
 from .region import SearchRegion
 from .templates import TemplateBank, TemplateStore
 from .verification import Evidence, similarities
+from .views import Candidates, ViewMatcher, best_candidates
 
 # Loops that run side by side. Small, because a search under a time limit goes on batch by batch.
 STEP_BATCH = 8
@@ -175,13 +177,13 @@ class PoseDetector:
         found = Detection(())
         poses = [self.mesh.inner(pose.to(torch.float64)) for pose in given]
         poses = [pose for pose in poses if self._in_sight(pose, frame.camera)]
-        if search:
-            levels = self.pyramid_of(frame) if pyramid is None else pyramid
-            candidates = yield from self._search(frame, known, levels)
-            poses += self._poses(candidates, frame.camera)
-        size = self.config.match.candidates
         anywhere = known.bounds is None
         stages = self.config.stages if anywhere else self.config.region.stages
+        size = stages[0][0] * instances
+        if search:
+            levels = self.pyramid_of(frame) if pyramid is None else pyramid
+            candidates = yield from self._search(frame, known, levels, size)
+            poses += self._poses(candidates, frame.camera)
         poses = poses[:most]
         results: list[FoundPose] = []
         for first in range(0, len(poses), size):
@@ -197,37 +199,37 @@ class PoseDetector:
 
     def pyramid_of(self, frame: Frame) -> Pyramid:
         """The frame at all scales, without its lens, described by this detector's policy."""
-        pixels = frame.undistorted.pixels
-        image = pixels if pixels.is_floating_point() else pixels.to(torch.float32) / 255
-        config = self.config
-        return Pyramid(
-            image, self.policy.descriptors, config.match.local_mean, config.templates.width
-        )
+        return Pyramid(frame.undistorted, self.policy.descriptors, self.config.templates)
 
     def _search(
-        self, frame: Frame, region: SearchRegion, pyramid: Pyramid
+        self, frame: Frame, region: SearchRegion, pyramid: Pyramid, count: int
     ) -> Generator[None, None, Candidates]:
-        """Candidates in the image, those first that match best."""
+        """The `count` best candidates in the image, and as many more."""
         bank, config = self.prepare(), self.config.match
         yield
-        narrowing = self.config.region
+        narrowing, colour = self.config.region, self.config.templates.colour
         low, high = region.widths(self.mesh, frame.camera, config.widths, narrowing)
-        matcher = Matcher(bank, config, self.config.templates.colour)
+        finder = PlaceFinder(bank.coarse, config, colour)
         window = region.window(self.mesh, frame.camera, high, narrowing)
         if window is not None:
-            finest = self.config.templates.width / narrowing.background_scale
+            finest = self.config.templates.coarse_width / narrowing.background_scale
             background = max(0.5 * (low + high), finest)
-            matcher.add(pyramid.level(background), background_only=True)
+            finder.add(pyramid.level(background), background_only=True)
             yield
         for width in ladder(low, high, config.step):
-            matcher.add(pyramid.level(width, window))
+            finder.add(pyramid.level(width, window))
             yield
         allowed = None if region.empty else (
             lambda pixels, widths, views: region.allows(
                 self.mesh, frame.camera, pixels, widths, bank.fine.boxes[views], narrowing
             )
         )  # fmt: skip
-        return matcher.candidates(allowed)
+        matcher = ViewMatcher(bank.fine, pyramid, config, colour)
+        found = []
+        for place in finder.places():
+            yield
+            found.append(matcher.views(place, allowed))
+        return best_candidates(found, count)
 
     def _in_sight(self, centred: Pose, camera: Camera) -> bool:
         return start_problem(centred, self.mesh, camera) is None

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from weakref import WeakKeyDictionary
@@ -66,10 +66,18 @@ class Templates:
         """The kernels as rows (N, C·k·k), to be multiplied with windows of an image."""
         return self.kernels.flatten(1)  # a copy: the kernels' channels lie together
 
+    def project(self, features: Tensor, colours: Tensor, weight: float) -> Tensor:
+        """Channels (B, C, h, w) of an image for these kernels.
+
+        Of its descriptors (B, D, h, w) and colours (B, 3, h, w), whose `weight` is that of
+        `TemplateConfig.colour`.
+        """
+        return torch.cat([torch.einsum("bdhw,dc->bchw", features, self.basis), weight * colours], 1)
+
 
 @dataclass(frozen=True)
 class TemplateBank:
-    """A mesh prepared for detection: `fine` templates, and fewer `coarse` ones that find places.
+    """A mesh prepared for detection: `coarse` templates find places, `fine` ones the view there.
 
     Both have one basis.
     """
@@ -86,11 +94,14 @@ def make_templates(
 
     `describe` takes images (B, 3, H, W) in [0, 1] to descriptors (B, D, H / 8, W / 8).
     """
-    sides = rotation_grid(config.rotations), rotation_grid(config.coarse_rotations)
-    views = [_views(mesh, rotations, describe, renderer, config) for rotations in sides]
+    kinds = (config.rotations, config.width), (config.coarse_rotations, config.coarse_width)
+    views = [
+        _views(mesh, rotation_grid(count), describe, renderer, replace(config, width=width))
+        for count, width in kinds
+    ]
     fine = views[0]
     basis = _principal_axes(fine.features.permute(0, 2, 3, 1)[fine.weight > 0], config.channels)
-    return TemplateBank(*(one.templates(basis, config) for one in views))
+    return TemplateBank(*(one.templates(basis, config.colour) for one in views))
 
 
 @dataclass(frozen=True)
@@ -111,13 +122,13 @@ class _Views:
         """Of each cell (N, h, w): its covered share, 0 under a half."""
         return torch.where(self.covered > 0.5, self.covered, 0.0)
 
-    def templates(self, basis: Tensor, config: TemplateConfig) -> Templates:
+    def templates(self, basis: Tensor, colour: float) -> Templates:
         """Project to a basis (D, C) and cut the middle out, where the object is."""
         weight = self.weight[:, None]
         projected = torch.einsum("bchw,cd->bdhw", self.features, basis)
-        kernels = torch.cat([projected, config.colour * self.colours], 1) * weight
+        kernels = torch.cat([projected, colour * self.colours], 1) * weight
         kernels = kernels / (weight.sum((2, 3), keepdim=True) + 1e-6)
-        inner = slice(MARGIN, MARGIN + config.width // CELL)
+        inner = slice(MARGIN, -MARGIN)
         return Templates(
             self.rotations,
             kernels[..., inner, inner].contiguous(memory_format=torch.channels_last),

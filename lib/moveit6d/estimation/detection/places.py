@@ -1,0 +1,110 @@
+"""Places in an image that look like an object from some side, by dense template matching.
+
+Never says from which side, never refines a pose and never decides whether an object is there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from ...config import MatchConfig
+from .pyramid import Level
+from .templates import Templates
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the object may be: the `pixel` of its centre and its sphere's `width` in pixels."""
+
+    score: float
+    pixel: tuple[float, float]
+    width: float
+
+    def same(self, other: Place, config: MatchConfig) -> bool:
+        """Whether two places are one."""
+        near = config.same_place * max(self.width, other.width)
+        ratio = config.same_width
+        return (
+            math.dist(self.pixel, other.pixel) <= near
+            and 1 / ratio < self.width / other.width < ratio
+        )
+
+
+class PlaceFinder:
+    """One object's coarse templates against the levels of one image.
+
+    Call `add` for every level, then `places`. Scores are in units of each template's mean and
+    spread over the image: some sides of an object look like anything. `colour` is the weight of the
+    colours beside the descriptors.
+    """
+
+    def __init__(self, templates: Templates, config: MatchConfig, colour: float) -> None:
+        self.templates, self.config, self.colour = templates, config, colour
+        self.levels: list[Level] = []
+        self._scores: list[Tensor] = []  # (templates, h, w)
+        self._background: list[Tensor] = []
+        self._random = torch.Generator().manual_seed(0)
+
+    @torch.inference_mode()
+    def add(self, level: Level, background_only: bool = False) -> None:
+        """Match the templates everywhere in one more level.
+
+        With `background_only` it only tells what the templates' scores usually are.
+        """
+        k = self.templates.cells
+        channels = self.templates.project(level.features[None], level.colours[None], self.colour)
+        padded = functional.pad(channels, [k // 2] * 4)
+        self._background.append(_random_windows(padded[0], k, self.config.samples, self._random))
+        if not background_only:
+            batch = padded.contiguous(memory_format=torch.channels_last)
+            self.levels.append(level)
+            self._scores.append(functional.conv2d(batch, self.templates.kernels)[0])
+
+    @torch.inference_mode()
+    def places(self) -> list[Place]:
+        """The best places, thinned over all levels."""
+        least = self.config.min_spread
+        spread = spread_of(torch.cat(self._background), self.templates, least)
+        mean, deviation = (one[:, None, None] for one in spread)
+        shift = (self.templates.cells - 1) / 2 - self.templates.cells // 2  # to a template's middle
+        peaks: list[Place] = []
+        for level, scores in zip(self.levels, self._scores, strict=True):
+            best = ((scores - mean) / deviation).amax(0)
+            top = functional.max_pool2d(best[None, None], 3, 1, 1)[0, 0]
+            rows, columns = (best == top).nonzero(as_tuple=True)
+            values = best[rows, columns]
+            for i in values.argsort(descending=True)[: self.config.shortlist * self.config.places]:
+                pixel = level.pixel(float(columns[i]) + shift, float(rows[i]) + shift)
+                peaks.append(Place(float(values[i]), pixel, level.width))
+        peaks.sort(key=lambda place: -place.score)
+        chosen: list[Place] = []
+        for place in peaks:
+            if not any(place.same(other, self.config) for other in chosen):
+                chosen.append(place)
+            if len(chosen) == self.config.places:
+                break
+        return chosen
+
+
+def _random_windows(padded: Tensor, k: int, count: int, random: torch.Generator) -> Tensor:
+    """Windows of k × k cells of a map (C, h, w): (count, C·k·k)."""
+    height, width = padded.shape[1] - k + 1, padded.shape[2] - k + 1
+    rows = torch.randint(0, height, (count,), generator=random)
+    columns = torch.randint(0, width, (count,), generator=random)
+    cut = padded.unfold(1, k, 1).unfold(2, k, 1)
+    return cut[:, rows, columns].permute(1, 0, 2, 3).reshape(count, -1)
+
+
+def spread_of(windows: Tensor, templates: Templates, least: float) -> tuple[Tensor, Tensor]:
+    """Mean and standard deviation (N,) of each template's score over windows of the image.
+
+    The deviation is not less than `least` of its own mean.
+    """
+    scores = windows @ templates.rows.mT
+    deviation = scores.std(0)
+    return scores.mean(0), deviation.clamp(min=least * float(deviation.mean()) + 1e-6)

@@ -1,0 +1,142 @@
+"""From which side an object is seen at a place in an image, by its fine templates.
+
+Never refines a pose and never decides whether an object is there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ...config import MatchConfig
+from .places import Place, spread_of
+from .pyramid import Patches, Pyramid
+from .templates import Templates
+
+Allowed = Callable[[Tensor, Tensor, Tensor], Tensor]
+EDGE = 2  # cells at a patch's edge whose descriptors the edge changes
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """`N` proposals, the best first.
+
+    `scores` (N,), `pixels` (N, 2) of the object's centre, `widths` (N,) of its sphere in pixels,
+    `views` (N,) which of the templates' rotations.
+    """
+
+    scores: Tensor
+    pixels: Tensor
+    widths: Tensor
+    views: Tensor
+
+    def __len__(self) -> int:
+        return len(self.scores)
+
+    def __getitem__(self, index: Tensor | slice) -> Candidates:
+        """Some of them: a mask, indices or a slice."""
+        return Candidates(
+            self.scores[index], self.pixels[index], self.widths[index], self.views[index]
+        )
+
+
+class ViewMatcher:
+    """One object's fine templates against patches of one image.
+
+    A template has a place of its own and a size of its own around the place that is asked for.
+    Scores are in units of each template's mean and spread over `background` patches of the image;
+    a second score, in which each cell may lie one cell beside where it should, is added. `colour`
+    is the weight of the colours beside the descriptors.
+    """
+
+    def __init__(
+        self, templates: Templates, pyramid: Pyramid, config: MatchConfig, colour: float
+    ) -> None:
+        self.templates, self.pyramid = templates, pyramid
+        self.config, self.colour = config, colour
+        self.cells = templates.cells + 2 * (config.reach + 1 + EDGE)  # of a patch
+        side = min(pyramid.image.shape[1:])
+        low, high = (side * share for share in config.widths)
+        usual = pyramid.background(config.background, self.cells, low, high)
+        windows = self._windows(usual)[..., 1:-1, 1:-1].flatten(0, 1).flatten(1)
+        self._spread = spread_of(windows, templates, config.min_spread)
+
+    @torch.inference_mode()
+    def views(self, place: Place, allowed: Allowed | None = None) -> Candidates:
+        """The best views at a place, each at its own best position and width nearby.
+
+        `allowed` says which pixels (N, 2), widths (N) and views (N) may be; without it all.
+        """
+        step, reach = self.config.step, self.config.reach
+        widths = torch.tensor([place.width / step, place.width, place.width * step])
+        pixels = torch.tensor(place.pixel).expand(len(widths), 2)
+        patches = self.pyramid.patches(pixels, widths, self.cells)
+        windows = self._windows(patches)
+        positions = [
+            (*patches.pixel(patch, right, down), float(widths[patch]))
+            for patch in range(len(widths))
+            for down in range(-reach, reach + 1)
+            for right in range(-reach, reach + 1)
+        ]
+        at = torch.tensor(positions)  # (patches · positions, 3)
+        windows = windows.flatten(0, 1)
+        mean, deviation = self._spread
+        scores = windows[..., 1:-1, 1:-1].flatten(1) @ self.templates.rows.mT
+        scores = (scores - mean) / deviation  # (patches · positions, templates)
+        if allowed is not None:
+            scores = torch.where(_mask(at, scores.shape[1], allowed), scores, -math.inf)
+        best, where = scores.max(0)
+        views = best.argsort(descending=True)[: self.config.shortlist * self.config.views]
+        tolerant = self._tolerant(windows[where[views]], views)
+        total = best[views] + self.config.tolerance_weight * tolerant
+        order = total.argsort(descending=True)[: self.config.views]
+        order = order[total[order].isfinite()]
+        chosen = at[where[views[order]]]
+        return Candidates(total[order], chosen[:, :2], chosen[:, 2], views[order])
+
+    def _windows(self, patches: Patches) -> Tensor:
+        """All windows of a template and a cell around it: (patches, positions, C, k + 2, k + 2)."""
+        channels = self.templates.project(patches.features, patches.colours, self.colour)
+        inner = channels[..., EDGE:-EDGE, EDGE:-EDGE]
+        size, count = self.templates.cells + 2, 2 * self.config.reach + 1
+        return torch.stack([
+            inner[..., row : row + size, column : column + size]
+            for row in range(count)
+            for column in range(count)
+        ], 1)  # fmt: skip
+
+    def _tolerant(self, windows: Tensor, views: Tensor) -> Tensor:
+        """Mean cosine where each cell may match one cell beside where it should: (N,)."""
+        k, kernels = self.templates.cells, self.templates.kernels[views]
+        products = torch.stack([
+            (windows[..., dy : dy + k, dx : dx + k] * kernels).sum(1)
+            for dy in range(3)
+            for dx in range(3)
+        ])  # fmt: skip
+        return products.amax(0).sum((1, 2))
+
+
+def _mask(positions: Tensor, views: int, allowed: Allowed) -> Tensor:
+    """Which views may be at which positions (P, 3) of pixel and width: (P, views)."""
+    count = len(positions)
+    every = positions.repeat_interleave(views, 0)
+    numbers = torch.arange(views).repeat(count)
+    return allowed(every[:, :2], every[:, 2], numbers).reshape(count, views)
+
+
+def best_candidates(found: Sequence[Candidates], count: int) -> Candidates:
+    """The `count` best candidates of all places, then as many of the best views of each in turn."""
+    if not found:
+        none = torch.zeros(0)
+        return Candidates(none, none.reshape(0, 2), none, none.long())
+    names = ("scores", "pixels", "widths", "views")
+    every = Candidates(*(torch.cat([getattr(one, name) for one in found]) for name in names))
+    order = every.scores.argsort(descending=True)
+    first, rest = order[:count], order[count:]
+    # What comes after the best must not be more of the same places.
+    rank = torch.cat([torch.arange(len(some)) for some in found])[rest]
+    return every[torch.cat([first, rest[rank.argsort(stable=True)][:count]])]

@@ -1,0 +1,79 @@
+"""Places and views: candidates are where the object is, and as it is turned."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+
+from moveit6d import InputError
+from moveit6d.config import MatchConfig
+from moveit6d.estimation.detection import PoseDetector
+from moveit6d.estimation.detection.places import Place, PlaceFinder, spread_of
+from moveit6d.estimation.detection.pyramid import ladder
+from moveit6d.estimation.detection.views import ViewMatcher, best_candidates
+from moveit6d.frame import prepare_frame
+from moveit6d.geometry.crop import look_at
+from tests.estimation.detection.conftest import Picture
+from tests.support import pictures
+
+
+def test_the_object_is_among_the_candidates(seen: Picture, detector: PoseDetector) -> None:
+    bank, config = detector.prepare(), detector.config
+    pyramid = detector.pyramid_of(prepare_frame(seen.image, pictures.CAMERA))
+    finder = PlaceFinder(bank.coarse, config.match, config.templates.colour)
+    for width in ladder(77, 154, config.match.step):
+        finder.add(pyramid.level(width))
+    places = finder.places()
+    matcher = ViewMatcher(bank.fine, pyramid, config.match, config.templates.colour)
+    views = [matcher.views(place) for place in places]
+    found = best_candidates(views, 12)
+    assert 0 < len(found) <= 24
+    best, more = (found.scores[:12], found[12:])
+    assert (best.diff() <= 0).all() and best.min() >= more.scores.max()
+    # Those of one place are no farther from each other than the cells around it.
+    apart = float((more.pixels.amax(0) - more.pixels.amin(0)).max())
+    assert apart > config.match.same_place * float(more.widths.max()), "more than one place"
+    centred = seen.mesh.inner(seen.pose)
+    pixel = pictures.CAMERA.project(centred.translation).float()
+    diameter = torch.tensor(seen.mesh.sphere_diameter, dtype=torch.float64)
+    width = 300 * float(diameter / centred.translation.norm())
+    true = look_at(centred, diameter).rotation @ centred.rotation
+    turn = (bank.fine.rotations[found.views] * true).sum((1, 2))
+    degrees = torch.rad2deg(torch.arccos(((turn - 1) / 2).clamp(-1, 1)))
+    near = (found.pixels - pixel).norm(dim=1) < 0.2 * width
+    size = (found.widths / width).log().abs() < math.log(1.3)
+    assert bool((near & size & (degrees < 35)).any())
+    # What is not allowed is not proposed.
+    for place in places:
+        left = matcher.views(place, lambda pixels, *_: pixels[:, 0] < pixel[0] - 0.3 * width)
+        assert (left.pixels[:, 0] < pixel[0] - 0.3 * width).all()
+        assert len(matcher.views(place, lambda pixels, *_: pixels[:, 0] < -1e4)) == 0
+    assert len(best_candidates([], 3)) == 0
+
+
+def test_places_are_apart() -> None:
+    config = MatchConfig()
+    place = Place(1.0, (100.0, 50.0), 60.0)
+    assert place.same(Place(0.5, (110.0, 60.0), 70.0), config)
+    assert not place.same(Place(0.5, (130.0, 60.0), 70.0), config)
+    assert not place.same(Place(0.5, (110.0, 60.0), 100.0), config)
+
+
+def test_spread_is_never_next_to_nothing(detector: PoseDetector) -> None:
+    templates = detector.prepare().coarse
+    windows = torch.randn(50, templates.rows.shape[1], generator=torch.Generator().manual_seed(0))
+    mean, deviation = spread_of(windows, templates, 0.2)
+    scores = windows @ templates.rows.T
+    torch.testing.assert_close(mean, scores.mean(0))
+    assert (deviation >= scores.std(0)).all() and (deviation >= 0.2 * deviation.mean() - 1e-6).all()
+
+
+def test_settings_are_checked() -> None:
+    with pytest.raises(InputError, match="smaller first"):
+        MatchConfig(widths=(0.5, 0.1))
+    with pytest.raises(InputError, match="1 or more"):
+        MatchConfig(places=0)
+    with pytest.raises(InputError, match="shortlist 1 or more"):
+        MatchConfig(shortlist=0)
