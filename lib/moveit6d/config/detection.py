@@ -63,8 +63,8 @@ class MatchConfig:
         step: ratio of one width to the next.
         places: how many places are looked into, thinned so that no two of them are the same.
         views: rotations that are kept of each place at most.
-        tolerance_weight: weight of the score in which each cell may lie one cell beside where it
-            should, against the score in units of a template's spread over the image.
+        visible: share of the object over which a view is compared with the image, where it agrees
+            best; the rest may be hidden.
         samples: random positions in each level of the image from which the usual score of a coarse
             template, its mean and spread, is measured.
         background: random patches of the image from which that of the others is measured.
@@ -82,7 +82,7 @@ class MatchConfig:
     step: float = 1.22
     places: int = 20
     views: int = 8
-    tolerance_weight: float = 12.0
+    visible: float = 0.4
     samples: int = 100
     background: int = 16
     reach: int = 1
@@ -106,10 +106,10 @@ class MatchConfig:
                 f"same_width 1 or more, found {self.samples}, {self.background}, {self.reach} and "
                 f"{self.same_width}."
             )
-        if self.min_spread < 0 or self.shortlist < 1:
+        if self.min_spread < 0 or self.shortlist < 1 or not 0 < self.visible <= 1:
             raise InputError(
-                "MatchConfig: min_spread must be 0 or more and shortlist 1 or more, found "
-                f"{self.min_spread} and {self.shortlist}."
+                "MatchConfig: min_spread must be 0 or more, shortlist 1 or more, visible above 0 "
+                f"and 1 at most, found {self.min_spread}, {self.shortlist} and {self.visible}."
             )
 
 

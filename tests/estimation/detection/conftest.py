@@ -19,7 +19,7 @@ from tests.support import meshes, pictures
 
 SMALL = TrackerConfig(
     detection=DetectorConfig(
-        templates=TemplateConfig(rotations=240, coarse_rotations=60, channels=16, width=88),
+        templates=TemplateConfig(rotations=240, coarse_rotations=60, width=88),
         match=MatchConfig(widths=(0.3, 0.6), places=8, views=6),
         stages=((16, 2), (3, 6)),
     )

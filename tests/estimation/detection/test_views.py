@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
@@ -12,7 +13,7 @@ from moveit6d.config import MatchConfig
 from moveit6d.estimation.detection import PoseDetector
 from moveit6d.estimation.detection.places import Place, PlaceFinder, spread_of
 from moveit6d.estimation.detection.pyramid import ladder
-from moveit6d.estimation.detection.views import ViewMatcher, best_candidates
+from moveit6d.estimation.detection.views import ViewMatcher, best_candidates, seen_mean
 from moveit6d.frame import prepare_frame
 from moveit6d.geometry.crop import look_at
 from tests.estimation.detection.conftest import Picture
@@ -61,6 +62,32 @@ def test_places_are_apart() -> None:
     assert not place.same(Place(0.5, (110.0, 60.0), 100.0), config)
 
 
+def test_a_hidden_part_does_not_count() -> None:
+    cells = torch.zeros(2, 9, 9)
+    cells[:, 1:8, 1:8] = 1.0
+    shares = cells / cells.sum((1, 2), keepdim=True)
+    cosines = 0.8 * torch.ones(2, 9, 9)
+    cosines[1, :, :4] = -0.5  # hidden from the left
+    products = cosines * shares
+    torch.testing.assert_close(seen_mean(products, shares, 1.0), products.sum((1, 2)))
+    assert float(products[1].sum()) < 0.4
+    seen = seen_mean(products, shares, 0.3)
+    torch.testing.assert_close(seen, torch.tensor([0.8, 0.8]), atol=1e-5, rtol=0)
+    # A twin in plain Python: cells in the order of their neighbourhoods' means, the last in part.
+    random = torch.rand(1, 9, 9, generator=torch.Generator().manual_seed(0)) * shares[:1]
+    ranked = []
+    for row, column in itertools.product(range(9), range(9)):
+        around = slice(max(row - 2, 0), row + 3), slice(max(column - 2, 0), column + 3)
+        if shares[0, row, column] > 0:
+            mean = float(random[0][around].sum() / shares[0][around].sum())
+            ranked.append((mean, float(random[0, row, column]), float(shares[0, row, column])))
+    total, left = 0.0, 0.5
+    for _, product, share in sorted(ranked, reverse=True):
+        total += product * min(1.0, max(0.0, left / share))
+        left -= share
+    assert float(seen_mean(random, shares[:1], 0.5)) == pytest.approx(total / 0.5, rel=1e-4)
+
+
 def test_spread_is_never_next_to_nothing(detector: PoseDetector) -> None:
     templates = detector.prepare().coarse
     windows = torch.randn(50, templates.rows.shape[1], generator=torch.Generator().manual_seed(0))
@@ -77,3 +104,5 @@ def test_settings_are_checked() -> None:
         MatchConfig(places=0)
     with pytest.raises(InputError, match="shortlist 1 or more"):
         MatchConfig(shortlist=0)
+    with pytest.raises(InputError, match="visible above 0"):
+        MatchConfig(visible=0.0)

@@ -43,13 +43,15 @@ class Templates:
     `rotations` (N, 3, 3) float64 are the object's as seen along the ray through its centre;
     `kernels` (N, C, k, k) the normalised descriptors, projected to the axes that tell the object's
     own cells apart best (`basis` (D, C − 3)), and three channels of colour, masked and divided by
-    the mask's sum, so that the correlation with an image's is a mean over the object; `boxes`
+    the mask's sum, so that the correlation with an image's is a mean over the object; `shares`
+    (N, k, k) how much of that mean each cell is; `boxes`
     (N, 4) the silhouettes' left, top, right and bottom edges from the centre, in widths of the
     object's sphere.
     """
 
     rotations: Tensor
     kernels: Tensor
+    shares: Tensor
     basis: Tensor
     boxes: Tensor
 
@@ -126,12 +128,13 @@ class _Views:
         """Project to a basis (D, C) and cut the middle out, where the object is."""
         weight = self.weight[:, None]
         projected = torch.einsum("bchw,cd->bdhw", self.features, basis)
-        kernels = torch.cat([projected, colour * self.colours], 1) * weight
-        kernels = kernels / (weight.sum((2, 3), keepdim=True) + 1e-6)
+        shares = weight / (weight.sum((2, 3), keepdim=True) + 1e-6)
+        kernels = torch.cat([projected, colour * self.colours], 1) * shares
         inner = slice(MARGIN, -MARGIN)
         return Templates(
             self.rotations,
             kernels[..., inner, inner].contiguous(memory_format=torch.channels_last),
+            shares[:, 0, inner, inner].contiguous(),
             basis,
             self.boxes,
         )
@@ -258,7 +261,7 @@ def _digest(mesh: Mesh, config: TemplateConfig, network: str) -> str:
     return known[settings]
 
 
-_FIELDS = ("rotations", "kernels", "basis", "boxes")
+_FIELDS = ("rotations", "kernels", "shares", "basis", "boxes")
 _LEVELS = ("fine", "coarse")
 
 

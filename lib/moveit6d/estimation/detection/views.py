@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from ...config import MatchConfig
 from .places import Place, spread_of
@@ -19,6 +20,7 @@ from .templates import Templates
 
 Allowed = Callable[[Tensor, Tensor, Tensor], Tensor]
 EDGE = 2  # cells at a patch's edge whose descriptors the edge changes
+NEIGHBOURHOOD = 5  # cells a side
 
 
 @dataclass(frozen=True)
@@ -47,10 +49,11 @@ class Candidates:
 class ViewMatcher:
     """One object's fine templates against patches of one image.
 
-    A template has a place of its own and a size of its own around the place that is asked for.
-    Scores are in units of each template's mean and spread over `background` patches of the image;
-    a second score, in which each cell may lie one cell beside where it should, is added. `colour`
-    is the weight of the colours beside the descriptors.
+    Each view has a position of its own and a size of its own near the place that is asked for:
+    that of its best correlation, in units of its mean and spread over patches anywhere in the
+    image. The views with the best of these are ranked by a slower score, in which cells may lie one
+    cell beside where they should, and a part of the object may be hidden. `colour` is the weight of
+    the colours beside the descriptors.
     """
 
     def __init__(
@@ -91,12 +94,11 @@ class ViewMatcher:
             scores = torch.where(_mask(at, scores.shape[1], allowed), scores, -math.inf)
         best, where = scores.max(0)
         views = best.argsort(descending=True)[: self.config.shortlist * self.config.views]
-        tolerant = self._tolerant(windows[where[views]], views)
-        total = best[views] + self.config.tolerance_weight * tolerant
-        order = total.argsort(descending=True)[: self.config.views]
-        order = order[total[order].isfinite()]
+        views = views[best[views].isfinite()]
+        agreement = self._agreement(windows[where[views]], views)
+        order = agreement.argsort(descending=True)[: self.config.views]
         chosen = at[where[views[order]]]
-        return Candidates(total[order], chosen[:, :2], chosen[:, 2], views[order])
+        return Candidates(agreement[order], chosen[:, :2], chosen[:, 2], views[order])
 
     def _windows(self, patches: Patches) -> Tensor:
         """All windows of a template and a cell around it: (patches, positions, C, k + 2, k + 2)."""
@@ -109,15 +111,36 @@ class ViewMatcher:
             for column in range(count)
         ], 1)  # fmt: skip
 
-    def _tolerant(self, windows: Tensor, views: Tensor) -> Tensor:
-        """Mean cosine where each cell may match one cell beside where it should: (N,)."""
+    def _agreement(self, windows: Tensor, views: Tensor) -> Tensor:
+        """Mean cosine (N,) over that share of each view that agrees best with its window.
+
+        Each cell may match one cell beside where it should.
+        """
         k, kernels = self.templates.cells, self.templates.kernels[views]
         products = torch.stack([
             (windows[..., dy : dy + k, dx : dx + k] * kernels).sum(1)
             for dy in range(3)
             for dx in range(3)
         ])  # fmt: skip
-        return products.amax(0).sum((1, 2))
+        return seen_mean(products.amax(0), self.templates.shares[views], self.config.visible)
+
+
+def seen_mean(products: Tensor, shares: Tensor, visible: float) -> Tensor:
+    """Mean (N,) over the share `visible` of each object whose neighbourhoods agree best.
+
+    `products` (N, k, k) are the cells' parts of the mean over all of the object, of which they are
+    `shares` (N, k, k). Neighbourhoods, because what hides an object lies together.
+    """
+    near = [
+        functional.avg_pool2d(one[:, None], NEIGHBOURHOOD, 1, NEIGHBOURHOOD // 2).flatten(1)
+        for one in (products, shares)
+    ]
+    there = shares.flatten(1) > 0
+    order = torch.where(there, near[0] / (near[1] + 1e-6), -math.inf).argsort(1, descending=True)
+    parts, sizes = (one.flatten(1).gather(1, order) for one in (products, shares))
+    before = sizes.cumsum(1) - sizes
+    taken = ((visible - before) / (sizes + 1e-12)).clamp(0, 1)  # the last cell in part
+    return (parts * taken).sum(1) / visible
 
 
 def _mask(positions: Tensor, views: int, allowed: Allowed) -> Tensor:
