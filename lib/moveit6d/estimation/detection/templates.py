@@ -251,7 +251,7 @@ _DIGESTS: WeakKeyDictionary[Mesh, dict[str, str]] = WeakKeyDictionary()
 
 
 def _digest(mesh: Mesh, config: TemplateConfig, network: str) -> str:
-    settings = f"{config!r} {network}"
+    settings = f"{config!r} {network} {_FIELDS}"
     known = _DIGESTS.setdefault(mesh, {})
     if settings not in known:
         digest = hashlib.sha256(settings.encode())
