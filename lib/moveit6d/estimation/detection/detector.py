@@ -168,7 +168,7 @@ class PoseDetector:
 
         `region` is one of the image without its lens. `given` are poses (mesh file's frame) that
         are tried beside the candidates of the search, or instead of them. Each `next` does one step
-        of some ten milliseconds; the generator's value is the detection.
+        of ten milliseconds to some tenths of a second; the generator's value is the detection.
         Detectors of several objects may share the `pyramid` of an image (`pyramid_of`). With `most`
         no more than so many poses are looked at.
         """
@@ -224,9 +224,11 @@ class PoseDetector:
                 self.mesh, frame.camera, pixels, widths, bank.fine.boxes[views], narrowing
             )
         )  # fmt: skip
+        places = finder.places()
+        yield
         matcher = ViewMatcher(bank.fine, pyramid, config, colour)
         found = []
-        for place in finder.places():
+        for place in places:
             yield
             found.append(matcher.views(place, allowed))
         return best_candidates(found, count)
