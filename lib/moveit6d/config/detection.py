@@ -89,7 +89,7 @@ class MatchConfig:
     same_place: float = 0.35
     same_width: float = 1.43
     min_spread: float = 0.2
-    shortlist: int = 4
+    shortlist: int = 16
 
     def __post_init__(self) -> None:
         low, high = self.widths
