@@ -24,7 +24,7 @@ class TemplateConfig:
         coarse_width: width of the sphere in that set, which is matched with the whole image.
         channels: numbers of a descriptor, which is projected to the axes that tell the object's
             cells apart best.
-        colour: weight of three channels of coarse colour beside the descriptors.
+        colour: weight of three channels of coarse colour beside the descriptors of that set.
         distance: distance from which templates are rendered, in diameters of the sphere: far enough
             to be nearly without perspective.
     """

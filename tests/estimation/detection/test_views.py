@@ -27,7 +27,7 @@ def test_the_object_is_among_the_candidates(seen: Picture, detector: PoseDetecto
     for width in ladder(77, 154, config.match.step):
         finder.add(pyramid.level(width))
     places = finder.places()
-    matcher = ViewMatcher(bank.fine, pyramid, config.match, config.templates.colour)
+    matcher = ViewMatcher(bank.fine, pyramid, config.match)
     views = [matcher.views(place) for place in places]
     found = best_candidates(views, 12)
     assert 0 < len(found) <= 24

@@ -207,9 +207,9 @@ class PoseDetector:
         """The `count` best candidates in the image, and as many more."""
         bank, config = self.prepare(), self.config.match
         yield
-        narrowing, colour = self.config.region, self.config.templates.colour
+        narrowing = self.config.region
         low, high = region.widths(self.mesh, frame.camera, config.widths, narrowing)
-        finder = PlaceFinder(bank.coarse, config, colour)
+        finder = PlaceFinder(bank.coarse, config, self.config.templates.colour)
         window = region.window(self.mesh, frame.camera, high, narrowing)
         if window is not None:
             finest = self.config.templates.coarse_width / narrowing.background_scale
@@ -226,7 +226,7 @@ class PoseDetector:
         )  # fmt: skip
         places = finder.places()
         yield
-        matcher = ViewMatcher(bank.fine, pyramid, config, colour)
+        matcher = ViewMatcher(bank.fine, pyramid, config)
         found = []
         for place in places:
             yield

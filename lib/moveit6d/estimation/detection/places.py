@@ -57,7 +57,8 @@ class PlaceFinder:
         With `background_only` it only tells what the templates' scores usually are.
         """
         k = self.templates.cells
-        channels = self.templates.project(level.features[None], level.colours[None], self.colour)
+        projected = self.templates.project(level.features[None])
+        channels = torch.cat([projected, self.colour * level.colours[None]], 1)
         padded = functional.pad(channels, [k // 2] * 4)
         self._background.append(_random_windows(padded[0], k, self.config.samples, self._random))
         if not background_only:

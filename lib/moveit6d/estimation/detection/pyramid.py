@@ -52,12 +52,11 @@ class Level:
 class Patches:
     """Look-at patches of an image in which an object of some width is as wide as the templates.
 
-    `features` (N, D, k, k) and `colours` (N, 3, k, k) as in a `Level`; `back` (N, 3, 3) takes
-    pixels of the patches to the image's.
+    `features` (N, D, k, k) as in a `Level`; `back` (N, 3, 3) takes pixels of the patches to the
+    image's.
     """
 
     features: Tensor
-    colours: Tensor
     back: Tensor
 
     def pixel(self, patch: int, right: int, down: int) -> tuple[float, float]:
@@ -126,8 +125,7 @@ class Pyramid:
         described = torch.cat(
             [self.describe(images[k : k + BATCH]) for k in range(0, len(images), BATCH)]
         )
-        colours = colour_cells(images, (cells, cells))
-        return Patches(self._centred(described), colours, patch_to_image(views, intrinsics))
+        return Patches(self._centred(described), patch_to_image(views, intrinsics))
 
     def background(self, count: int, cells: int, low: float, high: float) -> Patches:
         """Patches at random places, for widths from `low` to `high`: what anything looks like."""

@@ -42,11 +42,10 @@ class Templates:
 
     `rotations` (N, 3, 3) float64 are the object's as seen along the ray through its centre;
     `kernels` (N, C, k, k) the normalised descriptors, projected to the axes that tell the object's
-    own cells apart best (`basis` (D, C − 3)), and three channels of colour, masked and divided by
-    the mask's sum, so that the correlation with an image's is a mean over the object; `shares`
-    (N, k, k) how much of that mean each cell is; `boxes`
-    (N, 4) the silhouettes' left, top, right and bottom edges from the centre, in widths of the
-    object's sphere.
+    own cells apart best (`basis` (D, C or C − 3)), and three channels of colour if there is a weight
+    for them, masked and divided by the mask's sum, so that the correlation with an image's is a
+    mean over the object; `shares` (N, k, k) how much of that mean each cell is; `boxes` (N, 4) the
+    silhouettes' left, top, right and bottom edges from the centre, in widths of the sphere.
     """
 
     rotations: Tensor
@@ -68,20 +67,16 @@ class Templates:
         """The kernels as rows (N, C·k·k), to be multiplied with windows of an image."""
         return self.kernels.flatten(1)  # a copy: the kernels' channels lie together
 
-    def project(self, features: Tensor, colours: Tensor, weight: float) -> Tensor:
-        """Channels (B, C, h, w) of an image for these kernels.
-
-        Of its descriptors (B, D, h, w) and colours (B, 3, h, w), whose `weight` is that of
-        `TemplateConfig.colour`.
-        """
-        return torch.cat([torch.einsum("bdhw,dc->bchw", features, self.basis), weight * colours], 1)
+    def project(self, features: Tensor) -> Tensor:
+        """Descriptors (B, D, h, w) of an image for these kernels, without colours."""
+        return torch.einsum("bdhw,dc->bchw", features, self.basis)
 
 
 @dataclass(frozen=True)
 class TemplateBank:
     """A mesh prepared for detection: `coarse` templates find places, `fine` ones the view there.
 
-    Both have one basis.
+    Both have one basis. Only the coarse ones have colours.
     """
 
     fine: Templates
@@ -103,7 +98,7 @@ def make_templates(
     ]
     fine = views[0]
     basis = _principal_axes(fine.features.permute(0, 2, 3, 1)[fine.weight > 0], config.channels)
-    return TemplateBank(*(one.templates(basis, config.colour) for one in views))
+    return TemplateBank(fine.templates(basis), views[1].templates(basis, config.colour))
 
 
 @dataclass(frozen=True)
@@ -124,12 +119,13 @@ class _Views:
         """Of each cell (N, h, w): its covered share, 0 under a half."""
         return torch.where(self.covered > 0.5, self.covered, 0.0)
 
-    def templates(self, basis: Tensor, colour: float) -> Templates:
+    def templates(self, basis: Tensor, colour: float | None = None) -> Templates:
         """Project to a basis (D, C) and cut the middle out, where the object is."""
         weight = self.weight[:, None]
         projected = torch.einsum("bchw,cd->bdhw", self.features, basis)
         shares = weight / (weight.sum((2, 3), keepdim=True) + 1e-6)
-        kernels = torch.cat([projected, colour * self.colours], 1) * shares
+        channels = projected if colour is None else torch.cat([projected, colour * self.colours], 1)
+        kernels = channels * shares
         inner = slice(MARGIN, -MARGIN)
         return Templates(
             self.rotations,
@@ -251,7 +247,7 @@ _DIGESTS: WeakKeyDictionary[Mesh, dict[str, str]] = WeakKeyDictionary()
 
 
 def _digest(mesh: Mesh, config: TemplateConfig, network: str) -> str:
-    settings = f"{config!r} {network} {_FIELDS}"
+    settings = f"{config!r} {network} {_VERSION}"
     known = _DIGESTS.setdefault(mesh, {})
     if settings not in known:
         digest = hashlib.sha256(settings.encode())
@@ -261,6 +257,7 @@ def _digest(mesh: Mesh, config: TemplateConfig, network: str) -> str:
     return known[settings]
 
 
+_VERSION = 2  # of what templates are: files of another one are not found
 _FIELDS = ("rotations", "kernels", "shares", "basis", "boxes")
 _LEVELS = ("fine", "coarse")
 

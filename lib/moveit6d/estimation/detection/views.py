@@ -52,15 +52,11 @@ class ViewMatcher:
     Each view has a position of its own and a size of its own near the place that is asked for:
     that of its best correlation, in units of its mean and spread over patches anywhere in the
     image. The views with the best of these are ranked by a slower score, in which cells may lie one
-    cell beside where they should, and a part of the object may be hidden. `colour` is the weight of
-    the colours beside the descriptors.
+    cell beside where they should, and a part of the object may be hidden.
     """
 
-    def __init__(
-        self, templates: Templates, pyramid: Pyramid, config: MatchConfig, colour: float
-    ) -> None:
-        self.templates, self.pyramid = templates, pyramid
-        self.config, self.colour = config, colour
+    def __init__(self, templates: Templates, pyramid: Pyramid, config: MatchConfig) -> None:
+        self.templates, self.pyramid, self.config = templates, pyramid, config
         self.cells = templates.cells + 2 * (config.reach + 1 + EDGE)  # of a patch
         side = min(pyramid.image.shape[1:])
         low, high = (side * share for share in config.widths)
@@ -102,8 +98,7 @@ class ViewMatcher:
 
     def _windows(self, patches: Patches) -> Tensor:
         """All windows of a template and a cell around it: (patches, positions, C, k + 2, k + 2)."""
-        channels = self.templates.project(patches.features, patches.colours, self.colour)
-        inner = channels[..., EDGE:-EDGE, EDGE:-EDGE]
+        inner = self.templates.project(patches.features)[..., EDGE:-EDGE, EDGE:-EDGE]
         size, count = self.templates.cells + 2, 2 * self.config.reach + 1
         return torch.stack([
             inner[..., row : row + size, column : column + size]
