@@ -42,7 +42,8 @@ class Templates:
 
     `rotations` (N, 3, 3) float64 are the object's as seen along the ray through its centre;
     `kernels` (N, C, k, k) the normalised descriptors, projected to the axes that tell the object's
-    own cells apart best (`basis` (D, C or C − 3)), and with a weight three channels of colour, masked and divided by the mask's sum, so that the correlation with an image's is a
+    own cells apart best (`basis` (D, C or C − 3)), and with a weight three channels of colour,
+    masked and divided by the mask's sum, so that the correlation with an image's is a
     mean over the object; `shares` (N, k, k) how much of that mean each cell is; `boxes` (N, 4) the
     silhouettes' left, top, right and bottom edges from the centre, in widths of the sphere.
     """
