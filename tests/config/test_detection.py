@@ -25,6 +25,7 @@ from moveit6d.errors import InputError
         (TemplateConfig, {"distance": 0.5}, "distance must be 1"),
         (MatchConfig, {"widths": (0.5, 0.1)}, "widths must be two positive shares"),
         (MatchConfig, {"views": 0}, "places and views must be 1"),
+        (MatchConfig, {"neighbourhood": 4}, "neighbourhood must be an odd number of cells"),
         (MatchConfig, {"background": 1}, "samples and background must be 2"),
         (MatchConfig, {"samples": 1}, "samples and background must be 2"),
         (RegionConfig, {"box_ratio": (1.2, 2.5)}, "box_ratio must be two"),

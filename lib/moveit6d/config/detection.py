@@ -24,7 +24,7 @@ class TemplateConfig:
         coarse_width: width of the sphere in that set, which is matched with the whole image.
         channels: numbers of a descriptor, which is projected to the axes that tell the object's
             cells apart best.
-        colour: weight of three channels of coarse colour beside the descriptors of that set.
+        colour: weight of three channels of coarse colour beside the smaller set's descriptors.
         distance: distance from which templates are rendered, in diameters of the sphere: far enough
             to be nearly without perspective.
     """
@@ -65,9 +65,10 @@ class MatchConfig:
         views: rotations that are kept of each place at most.
         visible: share of the object over which a view is compared with the image, where it agrees
             best; the rest may be hidden.
+        neighbourhood: cells a side of the neighbourhoods that agree or are hidden together, odd.
         samples: random positions in each level of the image from which the usual score of a coarse
             template, its mean and spread, is measured.
-        background: random patches of the image from which that of the others is measured.
+        background: random patches of the image from which that of the other templates is measured.
         reach: cells around a place in which each template looks for its own best position.
         same_place: peaks nearer than this, in widths of the object, are one place if their widths
             are also the same.
@@ -83,6 +84,7 @@ class MatchConfig:
     places: int = 20
     views: int = 8
     visible: float = 0.4
+    neighbourhood: int = 5
     samples: int = 100
     background: int = 16
     reach: int = 1
@@ -100,6 +102,11 @@ class MatchConfig:
             )
         if min(self.places, self.views) < 1:
             raise InputError("MatchConfig: places and views must be 1 or more.")
+        if self.neighbourhood < 1 or self.neighbourhood % 2 == 0:
+            raise InputError(
+                "MatchConfig: neighbourhood must be an odd number of cells, found "
+                f"{self.neighbourhood}."
+            )
         if min(self.samples, self.background) < 2 or self.reach < 0 or self.same_width < 1:
             raise InputError(
                 "MatchConfig: samples and background must be 2 or more, reach 0 or more and "

@@ -122,14 +122,16 @@ def _shifts(
 
 
 def seed_poses(
-    pixels: Tensor, rotation: Tensor, sphere_diameter: float, size: float, camera: Camera
+    pixels: Tensor, rotation: Tensor, sphere_diameter: float, size: float | Tensor, camera: Camera
 ) -> Pose:
-    """Centred poses (N) at pixels (N, 2), about `size` pixels wide, that all look the same.
+    """Centred poses (N) at pixels (N, 2), about `size` pixels wide: one size, or (N,).
 
-    `rotation` (3, 3) or (N, 3, 3) is the object's as seen along the ray through the pixel.
+    `rotation` (3, 3) or (N, 3, 3) is the object's as seen along the ray through the pixel: with one
+    for all, all look the same.
     """
     ray = functional.normalize(camera.unproject(pixels), dim=1)
-    place = ray * (camera.fx * sphere_diameter / size)
+    distance = camera.fx * sphere_diameter / torch.as_tensor(size, dtype=ray.dtype)
+    place = ray * distance.expand(len(pixels))[:, None]
     turned = Pose(rotation.expand(len(pixels), 3, 3), place)
     view = look_at(turned, torch.full((len(pixels),), sphere_diameter, dtype=torch.float64))
     return Pose(view.rotation.mT @ rotation, place)

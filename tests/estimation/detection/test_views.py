@@ -69,9 +69,9 @@ def test_a_hidden_part_does_not_count() -> None:
     cosines = 0.8 * torch.ones(2, 9, 9)
     cosines[1, :, :4] = -0.5  # hidden from the left
     products = cosines * shares
-    torch.testing.assert_close(seen_mean(products, shares, 1.0), products.sum((1, 2)))
+    torch.testing.assert_close(seen_mean(products, shares, 1.0, 5), products.sum((1, 2)))
     assert float(products[1].sum()) < 0.4
-    seen = seen_mean(products, shares, 0.3)
+    seen = seen_mean(products, shares, 0.3, 5)
     torch.testing.assert_close(seen, torch.tensor([0.8, 0.8]), atol=1e-5, rtol=0)
     # A twin in plain Python: cells in the order of their neighbourhoods' means, the last in part.
     random = torch.rand(1, 9, 9, generator=torch.Generator().manual_seed(0)) * shares[:1]
@@ -85,7 +85,7 @@ def test_a_hidden_part_does_not_count() -> None:
     for _, product, share in sorted(ranked, reverse=True):
         total += product * min(1.0, max(0.0, left / share))
         left -= share
-    assert float(seen_mean(random, shares[:1], 0.5)) == pytest.approx(total / 0.5, rel=1e-4)
+    assert float(seen_mean(random, shares[:1], 0.5, 5)) == pytest.approx(total / 0.5, rel=1e-4)
 
 
 def test_spread_is_never_next_to_nothing(detector: PoseDetector) -> None:

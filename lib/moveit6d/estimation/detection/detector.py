@@ -238,16 +238,11 @@ class PoseDetector:
 
     def _poses(self, candidates: Candidates, camera: Camera) -> list[Pose]:
         """Centred poses of candidates that the camera can see."""
-        rotations = self.prepare().fine.rotations
-        found = []
-        for k in range(len(candidates)):
-            pixel = candidates.pixels[k].to(torch.float64)[None]
-            rotation = rotations[candidates.views[k]][None]
-            width = float(candidates.widths[k])
-            pose = seed_poses(pixel, rotation, self.mesh.sphere_diameter, width, camera)[0]
-            if self._in_sight(pose, camera):
-                found.append(pose)
-        return found
+        rotations = self.prepare().fine.rotations[candidates.views]
+        pixels, widths = candidates.pixels.to(torch.float64), candidates.widths
+        poses = seed_poses(pixels, rotations, self.mesh.sphere_diameter, widths, camera)
+        every = (poses[k] for k in range(len(candidates)))
+        return [pose for pose in every if self._in_sight(pose, camera)]
 
     def _tournament(
         self,

@@ -16,12 +16,12 @@ from torch.nn import functional
 from ...config import TemplateConfig
 from ...frame import Frame
 from ...geometry.crop import View, crop_patch, look_at, patch_to_image
-from ...geometry.pose import Pose
+from ...policies import BATCH_SIZE
+from ..seeding import seed_poses
 from .templates import CELL, Describe, colour_cells
 
 Window = tuple[int, int, int, int]  # left, top, right, bottom in image pixels
 MEAN_SIDE = 240  # shorter side at which the mean of an image's descriptors is measured, pixels
-BATCH = 16  # patches that are described at a time
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class Pyramid:
             for k in range(len(pixels))
         ])  # fmt: skip
         described = torch.cat(
-            [self.describe(images[k : k + BATCH]) for k in range(0, len(images), BATCH)]
+            [self.describe(images[k : k + BATCH_SIZE]) for k in range(0, len(images), BATCH_SIZE)]
         )
         return Patches(self._centred(described), patch_to_image(views, intrinsics))
 
@@ -140,13 +140,11 @@ class Pyramid:
 
     def _views(self, pixels: Tensor, widths: Tensor, size: int) -> View:
         """Virtual cameras that look at pixels and show what is of a width there as templates do."""
-        camera = self.frame.camera
-        ray = functional.normalize(camera.unproject(pixels.to(torch.float64)), dim=1)
-        distance = camera.fx / widths.to(torch.float64)  # of a sphere of one metre
-        turn = torch.eye(3, dtype=torch.float64).expand(len(pixels), 3, 3)
-        view = look_at(Pose(turn, ray * distance[:, None]), torch.ones_like(distance))
+        turn = torch.eye(3, dtype=torch.float64)
+        poses = seed_poses(pixels.to(torch.float64), turn, 1.0, widths, self.frame.camera)
+        view = look_at(poses, torch.ones(len(pixels), dtype=torch.float64))  # spheres of one metre
         intrinsics = view.intrinsics.clone()
-        intrinsics[:, 0, 0] = intrinsics[:, 1, 1] = self.config.width * distance
+        intrinsics[:, 0, 0] = intrinsics[:, 1, 1] = self.config.width * view.distance
         intrinsics[:, :2, 2] = (size - 1) / 2
         return View(view.rotation, intrinsics, view.distance)
 

@@ -20,7 +20,6 @@ from .templates import Templates
 
 Allowed = Callable[[Tensor, Tensor, Tensor], Tensor]
 EDGE = 2  # cells at a patch's edge whose descriptors the edge changes
-NEIGHBOURHOOD = 5  # cells a side
 
 
 @dataclass(frozen=True)
@@ -117,17 +116,19 @@ class ViewMatcher:
             for dy in range(3)
             for dx in range(3)
         ])  # fmt: skip
-        return seen_mean(products.amax(0), self.templates.shares[views], self.config.visible)
+        shares, config = self.templates.shares[views], self.config
+        return seen_mean(products.amax(0), shares, config.visible, config.neighbourhood)
 
 
-def seen_mean(products: Tensor, shares: Tensor, visible: float) -> Tensor:
+def seen_mean(products: Tensor, shares: Tensor, visible: float, cells: int) -> Tensor:
     """Mean (N,) over the share `visible` of each object whose neighbourhoods agree best.
 
     `products` (N, k, k) are the cells' parts of the mean over all of the object, of which they are
-    `shares` (N, k, k). Neighbourhoods, because what hides an object lies together.
+    `shares` (N, k, k). Neighbourhoods of `cells` cells a side (odd), because what hides an object
+    lies together.
     """
     near = [
-        functional.avg_pool2d(one[:, None], NEIGHBOURHOOD, 1, NEIGHBOURHOOD // 2).flatten(1)
+        functional.avg_pool2d(one[:, None], cells, 1, cells // 2).flatten(1)
         for one in (products, shares)
     ]
     there = shares.flatten(1) > 0
