@@ -8,11 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from moveit6d.cli.benchmark_detection import _photos
 from moveit6d.cli.main import main
 from moveit6d.datasets.pose_files import read_poses
+from moveit6d.estimation.detection import detector
+from moveit6d.frame import prepare_frame
 
 FAST = [
     "--detection.templates.rotations", "40", "--detection.templates.coarse_rotations", "20",
@@ -49,6 +52,25 @@ def test_detection_counts_frames_and_claims(
     assert found["all"][:2] == ["1", "0.0 %"], "the last table: no pose in a photo is right"
     assert main(["benchmark", "detection"]) == 2
     assert "give --sequences" in capsys.readouterr().err
+
+
+def test_detection_computes_with_as_many_threads_as_asked(
+    make_sequence: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, used = make_sequence("easy_00", frames=1), []
+
+    def watched(*given: Any) -> Any:
+        used.append(torch.get_num_threads())
+        return prepare_frame(*given)
+
+    monkeypatch.setattr(detector, "prepare_frame", watched)
+    before = torch.get_num_threads()
+    command = ["benchmark", "detection", "--sequences", str(made.folder.parent), *FAST]
+    try:
+        assert main([*command, "--threads", "2"]) == 0
+    finally:
+        torch.set_num_threads(before)
+    assert used and set(used) == {2}
 
 
 def test_recovery_keeps_the_tracks(

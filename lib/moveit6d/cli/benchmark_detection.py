@@ -93,20 +93,21 @@ def run_detection(args: argparse.Namespace) -> int:
         raise InputError("give --sequences, or --photos and --objects, or all three.")
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
-    store, config = TemplateStore(), setting.config
+    config = setting.config
+    tools = policy, renderer, TemplateStore(), config, setting.threads
     if args.sequences is not None:
         found: list[DetectedFrame] = []
         videos = read_sequences(args.sequences)
         for video in progress(videos, len(videos), "detect", "sequence"):
             frames = range(0, max(video.truth) + 1, args.every)
-            found += detect_in_sequence(video, frames, policy, renderer, store, config)
+            found += detect_in_sequence(video, frames, *tools)
         print(detection_table(found, config.detection.accepted))
     if args.photos is not None and args.objects is not None:
         photos = _photos(args.photos, args.limit)
         claims: list[DetectedFrame] = []
         meshes = mesh_files(args.objects)
         for path in progress(meshes, len(meshes), "photos", "object"):
-            claims += detect_in_photos(photos, Mesh.load(path), policy, renderer, store, config)
+            claims += detect_in_photos(photos, Mesh.load(path), *tools)
         print(detection_table(claims, config.detection.accepted))
     return 0
 

@@ -55,12 +55,19 @@ def detect_in_sequence(
     renderer: Renderer,
     store: TemplateStore,
     config: TrackerConfig = DEFAULT,
+    threads: int | None = 1,
 ) -> Iterator[DetectedFrame]:
     """Look for a sequence's object in some of its frames, from nothing."""
     mesh = video.load_mesh()
     surface = EvaluationPoints.of(mesh, symmetric=video.symmetric)
     detector = PoseDetector(
-        mesh, video.camera, policy=policy, renderer=renderer, config=config, store=store
+        mesh,
+        video.camera,
+        policy=policy,
+        renderer=renderer,
+        config=config,
+        store=store,
+        threads=threads,
     )
     detector.prepare()
     wanted = {frame for frame in frames if frame in video.truth}
@@ -88,12 +95,19 @@ def detect_in_photos(
     renderer: Renderer,
     store: TemplateStore,
     config: TrackerConfig = DEFAULT,
+    threads: int | None = 1,
 ) -> Iterator[DetectedFrame]:
     """Look for an object in photos without it: every pose is wrong."""
     for number, (name, photo) in enumerate(photos):
         camera = pretended_camera(photo)
         detector = PoseDetector(
-            mesh, camera, policy=policy, renderer=renderer, config=config, store=store
+            mesh,
+            camera,
+            policy=policy,
+            renderer=renderer,
+            config=config,
+            store=store,
+            threads=threads,
         )
         detector.prepare()
         begin = time.perf_counter()
