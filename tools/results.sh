@@ -120,18 +120,35 @@ paper_network() {
     done
     run benchmark tracking --sequences "$shared/bench/sequences" "${weights[@]}" --no_contour \
         --no_calibration --jobs 2
+    printf '## The paper'"'"'s tables on surrogates for its data sets\n\n'
+    surrogate_data
+    printf 'Rows of objects that only the paper has are left out.\n\nThe paper'"'"'s network:\n\n'
+    paper_tables paper "${weights[@]}"
+    printf 'The shipped network, single actions as well:\n\n'
+    paper_tables shipped
 }
-surrogates() {
-    local objects=$shared/data/dev_objects dino=gso_dino_figure_occlusion_0 boot=gso_boot_occlusion_0
-    printf '# The paper'"'"'s tables and figures on surrogates\n\n'
-    printf 'Rendered objects in the formats of Laval and YCB-Video, not those data sets themselves; with the larger network of '
-    printf '`examples/correlation`.\n\n'
+paper_tables() { # NAME OPTION …
+    local only_theirs='^\| [^|]*\|( [TR] [a-z]+ \|)? +- \|'
+    run reproduce ycb_add --data "$work/ycbv" --output "$work/$1" "${@:2}" \
+        | sed -E "s/^#/##/; /$only_theirs/d"
+    run reproduce laval --data "$work/laval" --output "$work/$1" "${@:2}" \
+        | sed -E "s/^#/##/; /$only_theirs/d"
+}
+surrogate_data() { # rendered objects in the formats of Laval and YCB-Video
+    local objects=$shared/data/dev_objects
     run synthesize sequence --format laval --output "$work/laval" --frames 45 \
         --mesh "$objects/gso_boot.glb" "$objects/gso_dino_figure.glb" \
         --photos "$shared/data/dev_photos"
     run synthesize sequence --format ycbv --output "$work/ycbv" --count 3 --difficulty easy --frames 40 \
         --mesh "$objects/"{gz_cordless_drill,hope_mustard_bottle,gso_coffee_box,gso_mug_yellow}.glb \
         "$objects/gso_scissors_red.glb" --photos "$shared/data/dev_photos"
+}
+surrogates() {
+    local dino=gso_dino_figure_occlusion_0 boot=gso_boot_occlusion_0
+    printf '# The paper'"'"'s tables and figures on surrogates\n\n'
+    printf 'Rendered objects in the formats of Laval and YCB-Video, not those data sets themselves; with the larger network of '
+    printf '`examples/correlation`.\n\n'
+    surrogate_data
     reproduce ycb_add --data "$work/ycbv" --output "$work/ycb"
     reproduce ycb_auc --data "$work/ycbv" --output "$work/ycb"
     reproduce laval --data "$work/laval" --output "$work/out" \

