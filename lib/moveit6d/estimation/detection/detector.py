@@ -276,11 +276,16 @@ class PoseDetector:
         return results
 
     def _verified(self, frame: Frame, results: Sequence[Refined]) -> list[FoundPose]:
-        """Fit the contours, and verify every pose."""
+        """Of each place the most confident pose: fit its contour, and verify it.
+
+        Poses of one place are views of one thing: there the confidence alone decides, which knows
+        half turns apart that agree with the image as well.
+        """
+        ranked = _most_confident(results, len(results))
+        kept = self._places_of([one.centred for one in ranked if one.centred is not None])
         refined = [
-            refine_result(frame, self.mesh, result, self.renderer, self.settings.contour)[0]
-            for result in results
-            if result.centred is not None
+            refine_result(frame, self.mesh, ranked[k], self.renderer, self.settings.contour)[0]
+            for k in kept
         ]
         poses = [one.centred for one in refined if one.centred is not None]
         cosines = similarities(frame, self.mesh, poses, self.policy, self.renderer)
@@ -293,27 +298,24 @@ class PoseDetector:
         return found
 
     def _answer(self, found: Sequence[FoundPose], instances: int) -> Detection:
-        """Which of the poses are right, as many as there may be instances.
-
-        Poses of one place are views of one thing: there the confidence alone decides, which knows
-        half turns apart that agree with the image as well.
-        """
+        """Which of the poses are right, as many as there may be instances; one of each place."""
         ranked = sorted(found, key=lambda one: -one.evidence.confidence if one.evidence else 0)
-        apart = sorted(self._apart(ranked), key=lambda one: -one.probability)
+        kept = self._places_of([self.mesh.inner(one.pose) for one in ranked])
+        apart = sorted((ranked[k] for k in kept), key=lambda one: -one.probability)
         accepted = [one for one in apart if one.probability >= self.config.accepted][:instances]
         rest = [one for one in apart if not any(one is kept for kept in accepted)]
         return Detection(tuple(accepted), tuple(rest))
 
-    def _apart(self, found: Sequence[FoundPose]) -> list[FoundPose]:
-        """The best pose of each place."""
-        kept: list[FoundPose] = []
-        for one in found:
-            if not any(self._is_same(one.pose, other.pose) for other in kept):
-                kept.append(one)
+    def _places_of(self, centred: Sequence[Pose]) -> list[int]:
+        """Which of centred poses, the best first, are the first of their place in the image."""
+        kept: list[int] = []
+        for k, one in enumerate(centred):
+            if not any(self._is_same(one, centred[other]) for other in kept):
+                kept.append(k)
         return kept
 
     def _is_same(self, one: Pose, other: Pose) -> bool:
-        a, b = self.mesh.inner(one).translation, self.mesh.inner(other).translation
+        a, b = one.translation, other.translation
         aside = (self.camera.project(a) - self.camera.project(b)).norm()
         width = self.camera.fx * self.mesh.sphere_diameter / float(torch.minimum(a[2], b[2]))
         return float(aside) < self.config.same_instance * width
