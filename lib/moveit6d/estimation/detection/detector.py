@@ -40,7 +40,7 @@ from .verification import Evidence, similarities
 from .views import Candidates, ViewMatcher, best_candidates
 
 # Loops that run side by side. Small, because a search under a time limit goes on batch by batch.
-STEP_BATCH = 8
+STEP_BATCH = 10
 
 DEFAULT, DEFAULT_SEEDS = TrackerConfig(), SeedDetectorConfig()
 
