@@ -129,19 +129,21 @@ paper_network() {
 }
 paper_tables() { # NAME OPTION …
     local only_theirs='^\| [^|]*\|( [TR] [a-z]+ \|)? +- \|'
-    run reproduce ycb_add --data "$work/ycbv" --output "$work/$1" "${@:2}" \
-        | sed -E "s/^#/##/; /$only_theirs/d"
-    run reproduce laval --data "$work/laval" --output "$work/$1" "${@:2}" \
-        | sed -E "s/^#/##/; /$only_theirs/d"
+    reproduce ycb_add --data "$work/ycbv" --output "$work/$1" "${@:2}" | sed -E "/$only_theirs/d"
+    reproduce laval --data "$work/laval" --output "$work/$1" "${@:2}" | sed -E "/$only_theirs/d"
 }
 surrogate_data() { # rendered objects in the formats of Laval and YCB-Video
     local objects=$shared/data/dev_objects
-    run synthesize sequence --format laval --output "$work/laval" --frames 45 \
+    surrogate laval --format laval --frames 45 \
         --mesh "$objects/gso_boot.glb" "$objects/gso_dino_figure.glb" \
         --photos "$shared/data/dev_photos"
-    run synthesize sequence --format ycbv --output "$work/ycbv" --count 3 --difficulty easy --frames 40 \
+    surrogate ycbv --format ycbv --count 3 --difficulty easy --frames 40 \
         --mesh "$objects/"{gz_cordless_drill,hope_mustard_bottle,gso_coffee_box,gso_mug_yellow}.glb \
         "$objects/gso_scissors_red.glb" --photos "$shared/data/dev_photos"
+}
+surrogate() { # NAME OPTION …: made once, its command shown every time
+    local words=(synthesize sequence --output "$work/$1" "${@:2}")
+    if [ -d "$work/$1" ]; then shown moveit6d "${words[@]}"; else run "${words[@]}"; fi
 }
 surrogates() {
     local dino=gso_dino_figure_occlusion_0 boot=gso_boot_occlusion_0
@@ -149,20 +151,20 @@ surrogates() {
     printf 'Rendered objects in the formats of Laval and YCB-Video, not those data sets themselves; with the larger network of '
     printf '`examples/correlation`.\n\n'
     surrogate_data
-    reproduce ycb_add --data "$work/ycbv" --output "$work/ycb"
-    reproduce ycb_auc --data "$work/ycbv" --output "$work/ycb"
+    reproduce ycb_add --data "$work/ycbv" --output "$work/ycb" "${larger[@]}"
+    reproduce ycb_auc --data "$work/ycbv" --output "$work/ycb" "${larger[@]}"
     reproduce laval --data "$work/laval" --output "$work/out" \
-        --no_depth_weights examples/no_depth/multi_object.safetensors
-    reproduce convergence --data "$work/laval" --only "$dino" --frames 5 --output "$work/out"
-    reproduce attention --data "$work/laval" --output "$work/out"
+        --no_depth_weights examples/no_depth/multi_object.safetensors "${larger[@]}"
+    reproduce convergence --data "$work/laval" --only "$dino" --frames 5 --output "$work/out" "${larger[@]}"
+    reproduce attention --data "$work/laval" --output "$work/out" "${larger[@]}"
     reproduce detection --data "$work/laval" --only "$dino" "$boot" --frames 1 --rotations 30 \
-        --sinks 2 --sizes 0.2 0.3 --output "$work/out"
-    reproduce runtime --data "$work/laval" --only "$dino" --output "$work/out"
+        --sinks 2 --sizes 0.2 0.3 --output "$work/out" "${larger[@]}"
+    reproduce runtime --data "$work/laval" --only "$dino" --output "$work/out" "${larger[@]}"
     mkdir -p docs/results/surrogates
     cp "$work"/{ycb,out}/*.png docs/results/surrogates
 }
 reproduce() { # its headings one level down, under ours
-    run reproduce "$@" "${larger[@]}" | sed 's/^#/##/'
+    run reproduce "$@" | sed 's/^#/##/'
 }
 iteration() {
     printf '# Time of one iteration\n\n'

@@ -6,6 +6,7 @@ Never more than arguments, loops over files and printing.
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,7 @@ def add_kinds(kinds: Any) -> None:
 def run_detection(args: argparse.Namespace) -> int:
     """Detect, and print the tables."""
     from ..datasets.sequences import read_sequences
-    from ..estimation import TemplateStore
+    from ..estimation import PoseDetector, TemplateStore
     from ..evaluation.detection_scores import (
         DetectedFrame,
         detect_in_photos,
@@ -93,22 +94,29 @@ def run_detection(args: argparse.Namespace) -> int:
         raise InputError("give --sequences, or --photos and --objects, or all three.")
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
-    config = setting.config
-    tools = policy, renderer, TemplateStore(), config, setting.threads
+    make = partial(
+        PoseDetector,
+        policy=policy,
+        renderer=renderer,
+        config=setting.config,
+        store=TemplateStore(),
+        threads=setting.threads,
+    )
+    accepted = setting.config.detection.accepted
     if args.sequences is not None:
         found: list[DetectedFrame] = []
         videos = read_sequences(args.sequences)
         for video in progress(videos, len(videos), "detect", "sequence"):
             frames = range(0, max(video.truth) + 1, args.every)
-            found += detect_in_sequence(video, frames, *tools)
-        print(detection_table(found, config.detection.accepted))
+            found += detect_in_sequence(video, frames, make)
+        print(detection_table(found, accepted))
     if args.photos is not None and args.objects is not None:
         photos = _photos(args.photos, args.limit)
         claims: list[DetectedFrame] = []
         meshes = mesh_files(args.objects)
         for path in progress(meshes, len(meshes), "photos", "object"):
-            claims += detect_in_photos(photos, Mesh.load(path), *tools)
-        print(detection_table(claims, config.detection.accepted))
+            claims += detect_in_photos(photos, Mesh.load(path), make)
+        print(detection_table(claims, accepted))
     return 0
 
 

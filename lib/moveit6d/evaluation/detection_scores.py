@@ -6,24 +6,21 @@ Never detects by itself and never chooses a setting.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..config import TrackerConfig
 from ..datasets.sequences import Sequence as Video
 from ..datasets.video import Image
-from ..estimation import PoseDetector, TemplateStore
+from ..estimation import PoseDetector
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
-from ..policies import Policy
-from ..rendering.renderer import Renderer
 from . import metrics
 from .tables import markdown, percent
 from .track_scores import EvaluationPoints
 
-DEFAULT = TrackerConfig()
+MakeDetector = Callable[[Mesh, Camera], PoseDetector]
 FIELD_OF_VIEW = 0.96  # focal length of a photo's pretended camera, in longer sides
 
 
@@ -49,26 +46,12 @@ class DetectedFrame:
 
 
 def detect_in_sequence(
-    video: Video,
-    frames: Sequence[int],
-    policy: Policy,
-    renderer: Renderer,
-    store: TemplateStore,
-    config: TrackerConfig = DEFAULT,
-    threads: int | None = 1,
+    video: Video, frames: Sequence[int], make: MakeDetector
 ) -> Iterator[DetectedFrame]:
     """Look for a sequence's object in some of its frames, from nothing."""
     mesh = video.load_mesh()
     surface = EvaluationPoints.of(mesh, symmetric=video.symmetric)
-    detector = PoseDetector(
-        mesh,
-        video.camera,
-        policy=policy,
-        renderer=renderer,
-        config=config,
-        store=store,
-        threads=threads,
-    )
+    detector = make(mesh, video.camera)
     detector.prepare()
     wanted = {frame for frame in frames if frame in video.truth}
     for frame in video.open():
@@ -89,26 +72,11 @@ def detect_in_sequence(
 
 
 def detect_in_photos(
-    photos: Sequence[tuple[str, Image]],
-    mesh: Mesh,
-    policy: Policy,
-    renderer: Renderer,
-    store: TemplateStore,
-    config: TrackerConfig = DEFAULT,
-    threads: int | None = 1,
+    photos: Sequence[tuple[str, Image]], mesh: Mesh, make: MakeDetector
 ) -> Iterator[DetectedFrame]:
     """Look for an object in photos without it: every pose is wrong."""
     for number, (name, photo) in enumerate(photos):
-        camera = pretended_camera(photo)
-        detector = PoseDetector(
-            mesh,
-            camera,
-            policy=policy,
-            renderer=renderer,
-            config=config,
-            store=store,
-            threads=threads,
-        )
+        detector = make(mesh, pretended_camera(photo))
         detector.prepare()
         begin = time.perf_counter()
         probability = detector.detect(photo).probability

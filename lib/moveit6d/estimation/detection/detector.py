@@ -282,7 +282,7 @@ class PoseDetector:
         half turns apart that agree with the image as well.
         """
         ranked = _most_confident(results, len(results))
-        kept = self._places_of([one.centred for one in ranked if one.centred is not None])
+        kept = self._first_of_places([one.centred for one in ranked if one.centred is not None])
         refined = [
             refine_result(frame, self.mesh, ranked[k], self.renderer, self.settings.contour)[0]
             for k in kept
@@ -300,14 +300,14 @@ class PoseDetector:
     def _answer(self, found: Sequence[FoundPose], instances: int) -> Detection:
         """Which of the poses are right, as many as there may be instances; one of each place."""
         ranked = sorted(found, key=lambda one: -one.evidence.confidence if one.evidence else 0)
-        kept = self._places_of([self.mesh.inner(one.pose) for one in ranked])
+        kept = self._first_of_places([self.mesh.inner(one.pose) for one in ranked])
         apart = sorted((ranked[k] for k in kept), key=lambda one: -one.probability)
         accepted = [one for one in apart if one.probability >= self.config.accepted][:instances]
-        rest = [one for one in apart if not any(one is kept for kept in accepted)]
+        rest = [one for one in apart if not any(one is other for other in accepted)]
         return Detection(tuple(accepted), tuple(rest))
 
-    def _places_of(self, centred: Sequence[Pose]) -> list[int]:
-        """Which of centred poses, the best first, are the first of their place in the image."""
+    def _first_of_places(self, centred: Sequence[Pose]) -> list[int]:
+        """Indices of those centred poses, the best first, that are the first of their place."""
         kept: list[int] = []
         for k, one in enumerate(centred):
             if not any(self._is_same(one, centred[other]) for other in kept):

@@ -21,8 +21,8 @@ from .templates import Templates
 class Place:
     """Where the object may be: the `pixel` of its centre and its sphere's `width` in pixels.
 
-    The `score` is minus the logarithm of how many places as good as this one there would be by
-    chance, up to a constant.
+    The `score` is minus the logarithm of the number of false alarms: of places as good as this one
+    that there would be by chance, up to a constant.
     """
 
     score: float
@@ -79,7 +79,7 @@ class PlaceFinder:
         shift = (self.templates.cells - 1) / 2 - self.templates.cells // 2  # to a template's middle
         peaks: list[Place] = []
         for level, scores in zip(self.levels, self._scores, strict=True):
-            best = _surprise(((scores - mean) / deviation).amax(0))
+            best = _significance(((scores - mean) / deviation).amax(0))
             top = functional.max_pool2d(best[None, None], 3, 1, 1)[0, 0]
             rows, columns = (best == top).nonzero(as_tuple=True)
             values = best[rows, columns]
@@ -96,11 +96,12 @@ class PlaceFinder:
         return chosen
 
 
-def _surprise(scores: Tensor) -> Tensor:
-    """Minus the logarithm of how many of `scores` (h, w) would be as high by chance.
+def _significance(scores: Tensor) -> Tensor:
+    """Minus the logarithm of the number of false alarms of `scores` (h, w), up to a constant.
 
-    Scores are in units of their spread, and taken for normal. The narrower the object, the more
-    places there are, and the higher the best of them.
+    That is how many of them would be as high by chance (a-contrario detection); they are in units
+    of their spread, and taken for normal. The narrower the object, the more places there are, and
+    the higher the best of them.
     """
     return 0.5 * scores * scores.abs() - math.log(scores.numel())
 
