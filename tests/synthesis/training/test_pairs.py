@@ -14,7 +14,6 @@ from moveit6d.synthesis.training.clusters import ClusterConfig
 from moveit6d.synthesis.training.pairs import (
     PairConfig,
     PairGenerator,
-    TextureColourConfig,
     TrainingBatch,
     ZoomConfig,
 )
@@ -163,27 +162,6 @@ def test_symmetric_objects_get_the_nearest_delta() -> None:
     there = generator.advance(batch, batch.delta)
     assert there.delta.abs().max() < 1.0
     assert (there.observation.mask != there.true_mask).float().mean() < 0.005
-
-
-def test_renderings_have_colours_that_are_wrong_as_a_whole_and_from_place_to_place(
-    generator_parts: tuple[list[Mesh], list[np.ndarray]],
-) -> None:
-    def gains(gain: float, varying_gain: float = 0.0) -> torch.Tensor:
-        """What the colours of the same renderings are multiplied by."""
-        plain = PairConfig(texture_colour=TextureColourConfig(0.0))
-        config = PairConfig(texture_colour=TextureColourConfig(gain, varying_gain))
-        generators = [PairGenerator(*generator_parts, c, 0) for c in (plain, config)]
-        true, wrong = (g.batch(6).observation.rendering for g in generators)
-        bright = (true > 0.2) & (true < 0.6)
-        return (wrong / true.clamp_min(0.1))[bright] - 1
-
-    assert gains(0.0).abs().max() == 0
-    whole = gains(0.2)
-    assert 0.05 < whole.abs().max() <= 0.2 + 1e-5
-    assert len(torch.unique(whole.round(decimals=3))) < 80
-    wave = gains(0.0, 0.15)
-    assert 0.05 < wave.abs().max() <= 0.15 + 1e-5
-    assert len(torch.unique(wave.round(decimals=3))) > 80
 
 
 @pytest.mark.parametrize("name", ["paper", "realistic"])

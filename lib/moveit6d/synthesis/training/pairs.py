@@ -15,16 +15,14 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn import functional
 
 from ...actions import PoseAction, pose_delta
-from ...geometry.crop import PATCH_SIZE, Crop, crop_patches, view_of
+from ...geometry.crop import Crop, crop_patches, view_of
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...geometry.rotation import random_rotations
 from ...observation import Observation
 from ...rendering.renderer import GBuffer
-from ...rendering.shading import shade_plain
 from ...typing import Range
 from ..augmentation.composing import Composer
 from ..augmentation.config import AugmentConfig
@@ -37,6 +35,7 @@ from ..objects.object_set import MeshObjects, ObjectSet
 from ..settings import check_settings
 from .clusters import ClusterConfig, draw_deltas
 from .equivalents import nearest_delta
+from .texture_errors import TextureColourConfig, wrong_colours
 from .views import ViewBatch, ViewConfig, draw_views
 
 
@@ -51,19 +50,6 @@ class ZoomConfig:
 
     probability: float = 0.0
     factor: Range = (1.1, 2.0)
-
-
-@dataclass(frozen=True)
-class TextureColourConfig:
-    """Colours of the rendering that differ from the object's, as those of scanned meshes do.
-
-    Args:
-        gain: largest relative error of a channel, the same everywhere.
-        varying_gain: the same, varying smoothly over the rendering.
-    """
-
-    gain: float = 0.2
-    varying_gain: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -356,14 +342,7 @@ class PairGenerator:
 
     def _rendering(self, rendered: GBuffer) -> Tensor:
         """The start's rendering (B, 3, 128, 128) with errors of its colours."""
-        batch, rng, config = len(rendered.mask), self.rng, self.config.texture_colour
-        gain = rng.uniform(batch, 3, 1, 1, between=(-1.0, 1.0)) * config.gain
-        if config.varying_gain > 0:
-            coarse = rng.uniform(batch, 3, 4, 4, between=(-1.0, 1.0)) * config.varying_gain
-            gain = gain + functional.interpolate(
-                coarse, (PATCH_SIZE, PATCH_SIZE), mode="bilinear", align_corners=True
-            )
-        return (shade_plain(rendered) * (1 + gain)).clamp(0, 1)
+        return wrong_colours(rendered, self.config.texture_colour, self.rng)
 
 
 def _objects(given: list[Mesh] | ObjectSet) -> ObjectSet:
