@@ -250,6 +250,7 @@ def report(name: str, names: Sequence[str], examples: Sequence[Example]) -> None
     """Print the weights, and how well those fitted without a mesh do on it."""
     examples = [one for one in examples if not one.borderline]  # they teach nothing
     values = np.array([one.evidence for one in examples])
+    values[:, 0] = logit(values[:, 0])
     right = np.array([one.right for one in examples])
     owner = np.array([one.mesh for one in examples])
     chance = np.zeros(len(examples))
@@ -257,11 +258,15 @@ def report(name: str, names: Sequence[str], examples: Sequence[Example]) -> None
         weights = fit(values[owner != mesh], right[owner != mesh])
         chance[owner == mesh] = probability(weights, values[owner == mesh])
     area = auroc(torch.from_numpy(chance), torch.from_numpy(right))
+    surprise = -np.log(np.where(right, chance, 1 - chance).clip(1e-9)).mean()
     fitted = ", ".join(
         f"{part} {value:.2f}"
         for part, value in zip([*names, "intercept"], fit(values, right), strict=True)
     )
-    print(f"{name}: {fitted} ({len(examples)} poses, {right.mean():.0%} right, AUROC {area:.3f})")
+    print(
+        f"{name}: {fitted} ({len(examples)} poses, {right.mean():.0%} right, AUROC {area:.3f}, "
+        f"log loss {surprise:.4f})"
+    )
 
 
 def fit(values: NDArray[np.float64], right: NDArray[np.bool_]) -> NDArray[np.float64]:

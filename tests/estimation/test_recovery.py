@@ -56,7 +56,7 @@ def supervisor(finder: Finder, **options: Any) -> Supervisor:
 
 def test_near_first_then_the_whole_image_now_and_then() -> None:
     finder = Finder(length=5, finds=4)
-    one = supervisor(finder, interval=3)
+    one = supervisor(finder, first_interval=3, interval=3)
     assert not one.lost
     assert one.assessed(failed(), 0.0).state is TrackingState.LOST and one.lost
     found = [one.search(FRAME, POSE) is not None for _ in range(10)]
@@ -154,6 +154,11 @@ def test_a_lost_object_costs_few_searches() -> None:
     finder = Finder(length=5, finds=99)
     one = supervisor(finder)
     one.assessed(failed(), 0.0)
-    for _ in range(41):
+    begun = []
+    for _ in range(45):
+        before = finder.searches
         one.search(FRAME, POSE)
-    assert finder.near == [True, False, False, False, False]
+        begun.append(finder.searches > before)
+    # Soon at first, then at twice the interval each time, up to the largest.
+    assert [k for k, new in enumerate(begun) if new] == [0, 2, 6, 14, 24, 34, 44]
+    assert finder.near == [True] + 6 * [False]

@@ -14,7 +14,7 @@ from .detection import (
     VerificationConfig,
 )
 from .loop import MAX_ITERATIONS, ActionMode, LoopConfig, Mode
-from .recovery import RecoveryConfig, StateConfig
+from .recovery import RecoveryConfig, SecondLookConfig, StateConfig
 from .tracking import (
     PAPER_CONFIG,
     CalibrationConfig,
@@ -43,6 +43,7 @@ __all__ = [
     "PerturbationConfig",
     "RecoveryConfig",
     "RegionConfig",
+    "SecondLookConfig",
     "SeedDetectorConfig",
     "SelectionCriterion",
     "StateConfig",

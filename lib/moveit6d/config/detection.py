@@ -163,7 +163,7 @@ class RegionConfig:
                 "RegionConfig: near_shift and background_scale must be positive and margin 0 or "
                 f"more, found {self.near_shift}, {self.background_scale} and {self.margin}."
             )
-        _check_stages("RegionConfig", self.stages)
+        check_stages("RegionConfig", self.stages)
 
 
 @dataclass(frozen=True)
@@ -176,14 +176,14 @@ class VerificationConfig:
     nothing to these two.
 
     Args:
-        confidence: weight of the network's confidence at the end of the refinement.
+        confidence: weight of the log odds of the network's confidence at the end of the refinement.
         similarity: weight of the mean cosine of descriptors, image against rendering.
         intercept: intercept of the regression.
     """
 
-    confidence: float = 7.0
-    similarity: float = 8.3
-    intercept: float = -11.4
+    confidence: float = 1.34
+    similarity: float = 3.85
+    intercept: float = -5.94
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,7 @@ class DetectorConfig:
     same_instance: float = 0.4
 
     def __post_init__(self) -> None:
-        _check_stages("DetectorConfig", self.stages)
+        check_stages("DetectorConfig", self.stages)
         if not (0 <= self.accepted <= 1 and min(self.half_turns, self.same_instance) >= 0):
             raise InputError(
                 "DetectorConfig: accepted must be a probability, half_turns and same_instance 0 or "
@@ -222,7 +222,7 @@ class DetectorConfig:
             )
 
 
-def _check_stages(owner: str, stages: tuple[tuple[int, int], ...]) -> None:
+def check_stages(owner: str, stages: tuple[tuple[int, int], ...]) -> None:
     """Refuse a tournament that cannot be held."""
     if not stages or any(len(stage) != 2 or min(stage) < 1 for stage in stages):
         raise InputError(

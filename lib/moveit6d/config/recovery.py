@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from ..errors import InputError
+from .detection import check_stages
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,54 @@ class StateConfig:
 
 
 @dataclass(frozen=True)
+class SecondLookConfig:
+    """When a followed object is looked for anew near where it is believed to be.
+
+    A wrong pose that the loop does not leave is seldom sure; the search, which sees the object from
+    all sides, mostly finds the right one, and the network is more confident there.
+
+    Args:
+        below: confidence below which such a search is made; 0 never.
+        after_found: so many such searches are made of an object that was lost and found, however
+            confident: what is found in a bad picture may be turned.
+        interval: frames from one such search to the next at least; half of that after the object
+            was found.
+        evidence: by how much the log odds of the confidence must be larger at the pose that it
+            finds, once both are refined in the same frame.
+        found_evidence: the same after the object was found, as no track speaks for its pose.
+        places: how many places near the object are looked into.
+        stages: how many candidates are refined, and by how many iterations
+            (`DetectorConfig.stages`).
+    """
+
+    below: float = 0.8
+    after_found: int = 3
+    interval: int = 10
+    evidence: float = 1.0
+    found_evidence: float = 0.3
+    places: int = 10
+    stages: tuple[tuple[int, int], ...] = ((16, 1), (8, 2), (2, 4))
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.below <= 1 or self.after_found < 0:
+            raise InputError(
+                "SecondLookConfig: below must be from 0 to 1 and after_found 0 or more, found "
+                f"{self.below} and {self.after_found}."
+            )
+        if min(self.evidence, self.found_evidence) < 0:
+            raise InputError(
+                "SecondLookConfig: evidence and found_evidence must be 0 or more, found "
+                f"{self.evidence} and {self.found_evidence}."
+            )
+        if min(self.interval, self.places) < 1:
+            raise InputError(
+                "SecondLookConfig: interval and places must be 1 or more, found "
+                f"{self.interval} and {self.places}."
+            )
+        check_stages("SecondLookConfig", self.stages)
+
+
+@dataclass(frozen=True)
 class RecoveryConfig:
     """How a lost object is looked for (mode all_axes only).
 
@@ -65,8 +114,10 @@ class RecoveryConfig:
         enabled: look for lost objects at all; without, a lost object's poses are given as they are.
         near_candidates: poses that are refined in the search near where the object was last seen,
             which comes first.
-        interval: frames from one search to the next, in the whole image. One takes as long as some
-            45 ordinary frames: with 10, a frame without the object costs less than five.
+        first_interval: frames from the first search of the whole image to the next; it doubles from
+            search to search.
+        interval: largest number of frames from one search to the next. One takes as long as some 45
+            ordinary frames: with 10, a frame without the object costs less than five in the end.
         max_milliseconds: time that the search for a lost object may take of each frame, instead of
             a whole search at intervals; it goes on from frame to frame, in the picture that it
             began with. None finishes a search in its frame, so that the same video always gives the
@@ -76,23 +127,26 @@ class RecoveryConfig:
             never.
         half_turn_interval: frames from one comparison to the next.
         half_turn_evidence: by how much the sum of the log odds of the confidence must be larger.
+        second_look: when a followed object is looked for anew.
         states: when an object counts as lost, and as found.
     """
 
     enabled: bool = True
     near_candidates: int = 16
+    first_interval: int = 2
     interval: int = 10
     max_milliseconds: float | None = None
     half_turn_frames: int = 4
     half_turn_interval: int = 5
     half_turn_evidence: float = 0.5
+    second_look: SecondLookConfig = field(default_factory=SecondLookConfig)
     states: StateConfig = field(default_factory=StateConfig)
 
     def __post_init__(self) -> None:
-        if min(self.interval, self.near_candidates) < 1:
+        if min(self.first_interval, self.interval, self.near_candidates) < 1:
             raise InputError(
-                "RecoveryConfig: interval and near_candidates must be 1 or more, found "
-                f"{self.interval} and {self.near_candidates}."
+                "RecoveryConfig: first_interval, interval and near_candidates must be 1 or more, "
+                f"found {self.first_interval}, {self.interval} and {self.near_candidates}."
             )
         if self.half_turn_interval < 1 or min(self.half_turn_frames, self.half_turn_evidence) < 0:
             raise InputError(

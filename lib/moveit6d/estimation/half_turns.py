@@ -7,7 +7,6 @@ only by little (docs/results/detection.md): it is asked in several frames.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -20,8 +19,7 @@ from ..policies import Policy
 from ..rendering.renderer import Renderer
 from .refine import refine_starts
 from .results import Refined, Start
-
-CERTAIN = 1e-4  # a confidence nearer to 0 or 1 says no more
+from .states import log_odds
 
 
 def half_turned(mesh: Mesh, centred: Pose) -> list[Pose]:
@@ -67,7 +65,7 @@ class HalfTurnCheck:
         None for the pose itself. After a change the comparison starts anew.
         """
         self._evidence = [
-            known + _log_odds(one) - _log_odds(own)
+            known + log_odds(one) - log_odds(own)
             for known, one in zip(self._evidence, turned, strict=True)
         ]
         best = max(range(len(turned)), key=self._evidence.__getitem__)
@@ -75,8 +73,3 @@ class HalfTurnCheck:
             return None
         self._evidence = [0.0] * len(turned)
         return best
-
-
-def _log_odds(confidence: float) -> float:
-    kept = min(max(confidence, CERTAIN), 1 - CERTAIN)
-    return math.log(kept / (1 - kept))

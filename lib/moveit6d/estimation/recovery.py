@@ -5,16 +5,16 @@ Never decides that an object is lost and never remembers more than the search th
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 from ..config import RecoveryConfig
 from ..frame import Frame
 from ..geometry.pose import Pose
 from .detection import Detection, PoseDetector, SearchRegion
-from .detection.detector import Steps
+from .detection.detector import Steps, within
 from .half_turns import HalfTurnCheck
 from .results import StopReason, TrackingResult
+from .second_look import SecondLook
 from .states import StateMachine, TrackingState, probability_of
 
 LOST = "The object is lost."
@@ -27,14 +27,21 @@ class Supervisor:
         detector: finds the object; None: a lost object is not looked for.
         config: when, and how long.
         found: whether the object's pose is known at the beginning.
+        look: finds a followed object that is in doubt; None: it is not looked for.
     """
 
-    def __init__(self, detector: PoseDetector | None, config: RecoveryConfig, found: bool) -> None:
-        self.detector, self.config = detector, config
+    def __init__(
+        self,
+        detector: PoseDetector | None,
+        config: RecoveryConfig,
+        found: bool,
+        look: SecondLook | None = None,
+    ) -> None:
+        self.detector, self.config, self.look = detector, config, look
         begin = TrackingState.TRACKING if found else TrackingState.LOST
         self.machine = StateMachine(config.states, begin)
         self._steps: Steps | None = None
-        self._waiting = 0
+        self._waiting, self._interval = 0, min(config.first_interval, config.interval)
         self._near = found
         self.check: HalfTurnCheck | None = None  # of a pose that a search found
 
@@ -56,7 +63,7 @@ class Supervisor:
             probability = probability_of(self.config.states, result.confidence, agreement)
         state = self.machine.update(probability)
         if state is TrackingState.TRACKING:
-            self._near = True
+            self._near, self._interval = True, self.config.first_interval
         if self.lost:
             return _without_pose(result, result.error or LOST)
         return replace(result, state=state)
@@ -72,20 +79,13 @@ class Supervisor:
         `last` is where the object was seen last. The pose may be that of an earlier frame.
         """
         assert self.detector is not None
-        begin = time.perf_counter()
         if self._steps is None:
             if self._waiting > 0:
                 self._waiting -= 1
                 return None
             self._steps = self._begin(self.detector, frame, last if self._near else None)
-        while True:
-            try:
-                next(self._steps)
-            except StopIteration as end:
-                return self._finished(end.value)
-            limit = self.config.max_milliseconds
-            if limit is not None and (time.perf_counter() - begin) * 1e3 >= limit:
-                return None
+        found = within(self._steps, self.config.max_milliseconds)
+        return None if found is None else self._finished(found)
 
     def _begin(self, detector: PoseDetector, frame: Frame, near: Pose | None) -> Steps:
         """A new search: near a pose, or in the whole image."""
@@ -95,10 +95,13 @@ class Supervisor:
         return detector.steps(frame, SearchRegion(near=near), (near,), most=most)
 
     def _finished(self, found: Detection) -> Pose | None:
-        self._steps, self._near = None, False
         # A time limit bounds what searches cost by itself.
-        self._waiting = self.config.interval - 1 if self.config.max_milliseconds is None else 0
+        self._waiting = self._interval - 1 if self.config.max_milliseconds is None else 0
+        self._interval = min(2 * self._interval, self.config.interval)
+        self._steps, self._near = None, False
         self.check = HalfTurnCheck(self.config)
+        if found.pose is not None and self.look is not None:
+            self.look.was_found()
         return found.pose
 
 

@@ -11,6 +11,8 @@ from enum import StrEnum
 
 from ..config import StateConfig
 
+CERTAIN = 1e-4  # a confidence nearer to 0 or 1 says no more
+
 
 class TrackingState(StrEnum):
     """What is known of an object in a frame."""
@@ -18,6 +20,12 @@ class TrackingState(StrEnum):
     TRACKING = "tracking"  # the pose is probably right
     UNCERTAIN = "uncertain"  # there is a pose; it may be wrong
     LOST = "lost"  # no pose: the object is out of view, covered, or somewhere else
+
+
+def log_odds(confidence: float) -> float:
+    """Of a confidence, which is bounded first."""
+    kept = min(max(confidence, CERTAIN), 1 - CERTAIN)
+    return math.log(kept / (1 - kept))
 
 
 def probability_of(config: StateConfig, confidence: float, agreement: float) -> float:

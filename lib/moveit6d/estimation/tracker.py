@@ -33,6 +33,7 @@ from .multi_start import most_confident, perturbed_starts, uses_multi_start
 from .recovery import Supervisor
 from .refine import refine_starts
 from .results import Refined, Start, TrackingResult
+from .second_look import SecondLook
 from .states import TrackingState
 from .track_state import TrackState
 from .visibility import check_start
@@ -151,7 +152,9 @@ class PoseTracker(Generic[Results]):
                     "There is no start pose, and this policy or configuration cannot look for the "
                     "object; give a start pose."
                 )
-            supervisors.append(Supervisor(detector, self.config.recovery, pose is not None))
+            recovery = self.config.recovery
+            look = None if detector is None else SecondLook(detector, recovery)
+            supervisors.append(Supervisor(detector, recovery, pose is not None, look))
         self.tracks = [
             TrackState.begin(
                 mesh,
@@ -185,14 +188,9 @@ class PoseTracker(Generic[Results]):
         if mode_of(self.policy, self.config.loop.mode) is ActionMode.SINGLE:
             return None
         detector = PoseDetector(
-            mesh,
-            self.camera,
-            policy=self.policy,
-            renderer=self.renderer,
-            config=self.config,
-            store=self.store,
-            threads=self.threads,
-        )
+            mesh, self.camera, policy=self.policy, renderer=self.renderer, config=self.config,
+            store=self.store, threads=self.threads,
+        )  # fmt: skip
         if self.config.recovery.max_milliseconds is not None:
             detector.prepare()  # a second or two, which no frame has then
         return detector
@@ -292,9 +290,21 @@ class PoseTracker(Generic[Results]):
         )
         results = self._recover(frame, numbers, results)
         return [
-            self._turned(frame, number, result)
+            self._turned(frame, number, self._looked_at_again(frame, number, result))
             for number, result in zip(numbers, results, strict=True)
         ]
+
+    def _looked_at_again(self, frame: Frame, number: int, result: Refined) -> Refined:
+        """The result, or one from a pose that a second look found, if it is much likelier."""
+        look, track = self.supervisors[number].look, self.tracks[number]
+        if look is None or result.centred is None:
+            return result
+        start = Start(frame, track.mesh, result.centred, track.depth_bias)
+        better = look.better(start, result.confidence)
+        if better is None or better.centred is None:
+            return result
+        self._begin_again(number, better.centred)
+        return better
 
     def _turned(self, frame: Frame, number: int, result: Refined) -> Refined:
         """The result, or for an object that was found lately its half turn, if it is likelier."""

@@ -6,6 +6,7 @@ tournament of the refinement loop chooses between them; verification says whethe
 
 from __future__ import annotations
 
+import time
 from collections.abc import Generator, Sequence
 from dataclasses import replace
 from typing import Any, Literal
@@ -335,14 +336,24 @@ def _by_seeds(found: SeedDetection) -> Detection:
     return Detection((FoundPose(result),), seeds=found)
 
 
-def finish(steps: Steps) -> Detection:
-    """Take the steps of a detection to their end."""
+def within(steps: Steps, milliseconds: float | None) -> Detection | None:
+    """What a search finds if it ends within so much time; None if it is to go on later."""
+    begin = time.perf_counter()
     while True:
         try:
             next(steps)
         except StopIteration as end:
             found: Detection = end.value
             return found
+        if milliseconds is not None and (time.perf_counter() - begin) * 1e3 >= milliseconds:
+            return None
+
+
+def finish(steps: Steps) -> Detection:
+    """Take the steps of a detection to their end."""
+    found = within(steps, None)
+    assert found is not None
+    return found
 
 
 def detect_objects(

@@ -19,6 +19,7 @@ from ...geometry.pose import Pose
 from ...observation import GREY, observe
 from ...policies import DescriptorPolicy
 from ...rendering.renderer import Renderer
+from ..states import log_odds
 from .templates import CELL
 
 
@@ -37,7 +38,7 @@ class Evidence:
         """That the pose is right."""
         total = (
             config.intercept
-            + config.confidence * self.confidence
+            + config.confidence * log_odds(self.confidence)
             + config.similarity * self.similarity
         )
         return 1 / (1 + math.exp(-total))

@@ -1,0 +1,94 @@
+"""A second look at a followed object of low confidence: the search, near where it should be.
+
+Never decides that an object is lost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..config import RecoveryConfig
+from ..frame import Frame
+from ..geometry.pose import Pose
+from .detection import PoseDetector, SearchRegion
+from .detection.detector import Steps, within
+from .refine import refine_starts
+from .results import Refined, Start
+from .states import log_odds
+
+
+class SecondLook:
+    """The searches for one object while it is followed.
+
+    Args:
+        detector: finds the object; its settings are replaced by those of second looks.
+        config: when to look, and how long.
+    """
+
+    def __init__(self, detector: PoseDetector, config: RecoveryConfig) -> None:
+        look, settings = config.second_look, detector.settings
+        searching = replace(
+            settings.detection,
+            match=replace(settings.detection.match, places=look.places),
+            stages=look.stages,
+        )
+        self.detector = PoseDetector(
+            detector.mesh,
+            detector.camera,
+            policy=detector.policy,
+            renderer=detector.renderer,
+            config=replace(settings, detection=searching),
+            store=detector.store,
+            threads=detector.threads,
+        )
+        self.config, self.limit = look, config.max_milliseconds
+        self._steps: Steps | None = None
+        self._waiting, self._unasked = 0, 0
+        self._evidence = look.evidence
+
+    def was_found(self) -> None:
+        """The object was lost and found: look again a few times, soon, however confident."""
+        self._waiting, self._unasked = self.config.interval // 2, self.config.after_found
+        self._steps = None
+
+    def better(self, start: Start, confidence: float) -> Refined | None:
+        """Where the loop ends from another pose nearby, if that is much likelier.
+
+        Called once a frame with the pose found there (`start`) and its confidence. Begins a search
+        where that is low, or where the object was found lately; it may end in a later frame.
+        """
+        found = self._search(start, confidence)
+        if found is None:
+            return None
+        detector = self.detector
+        other = refine_starts(
+            [replace(start, centred=found)],
+            policy=detector.policy,
+            renderer=detector.renderer,
+            loop=detector.settings.loop,
+        )[0]
+        gain = log_odds(other.confidence) - log_odds(confidence)
+        return other if other.centred is not None and gain > self._evidence else None
+
+    def _search(self, start: Start, confidence: float) -> Pose | None:
+        """The centred pose found near that of a start, if a search ends in this frame."""
+        self._waiting = max(0, self._waiting - 1)
+        if self._steps is None:
+            if self._waiting or (confidence >= self.config.below and not self._unasked):
+                return None
+            self._steps = self._begin(start.frame, start.mesh.outer(start.centred))
+        found = within(self._steps, self.limit)
+        if found is None:
+            return None
+        self._steps = None
+        return None if found.pose is None else start.mesh.inner(found.pose)
+
+    def _begin(self, frame: Frame, near: Pose) -> Steps:
+        """A search; and when to look the next time, and how much this one must bring."""
+        config = self.config
+        if self._unasked:
+            self._unasked -= 1
+            self._waiting, self._evidence = max(1, config.interval // 2), config.found_evidence
+        else:
+            self._waiting, self._evidence = config.interval, config.evidence
+        return self.detector.steps(frame, SearchRegion(near=near), most=config.stages[0][0])
