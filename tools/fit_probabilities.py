@@ -40,6 +40,7 @@ from moveit6d.synthesis.sequences.sequence import Scene
 from moveit6d.synthesis.single_images import make_cases
 
 DIFFICULTIES = ("occ", "fast", "hard")
+TABLETOP = "easy"  # with other objects around the first one, which touch and hide it
 PHOTOS = 150  # read at most
 FRAMES = 44  # of a sequence
 GONE = range(16, 30)  # those that are other pictures
@@ -82,8 +83,10 @@ def main() -> None:
     args = parser.parse_args()
     paths = PairDataModule(meshes=args.meshes).mesh_paths()[1]
     tasks = [
-        Task(path, paths[(number + 1) % len(paths)], args.seed + 10 * number, args.photos,
-             args.weights or SHIPPED_WEIGHTS, args.pictures)
+        Task(path, paths[(number + 1) % len(paths)], tuple(
+                 one for k, one in enumerate(paths) if (k - number) % len(paths) > 1
+             ), args.seed + 10 * number, args.photos, args.weights or SHIPPED_WEIGHTS,
+             args.pictures)
         for number, path in enumerate(paths)
     ]  # fmt: skip
     done = sorted(run_jobs(examples_of, tasks, jobs=args.jobs), key=lambda job: job.index)
@@ -95,16 +98,20 @@ def main() -> None:
         line = platt([*(one for one in followed if np.isfinite(one.error)), *refined])
         write_calibrated(args.weights or SHIPPED_WEIGHTS, line, args.calibrated)
         found, followed = calibrated(found, line), calibrated(followed, line)
-    report("VerificationConfig", ("confidence", "similarity"), found)
+    report("VerificationConfig", ("confidence", "similarity"), in_log_odds(found))
     report("StateConfig", ("confidence", "agreement"), followed)
 
 
 @dataclass(frozen=True)
 class Task:
-    """One mesh, another one that is not in its pictures, and what the pictures are made with."""
+    """One mesh, another one that is not in its pictures, and what the pictures are made with.
+
+    `beside` are meshes that stand around it on tabletops.
+    """
 
     mesh: Path
     other: Path
+    beside: tuple[Path, ...]
     seed: int
     photos: Path
     weights: Path
@@ -115,11 +122,12 @@ def examples_of(task: Task) -> tuple[list[Example], list[Example], list[Example]
     """Examples of one mesh: of detections, of tracks, of refinements."""
     torch.set_num_threads(1)
     meshes = [Mesh.load(path) for path in (task.mesh, task.other)]
+    beside = [_of_size(Mesh.load(path), meshes[0].diameter) for path in task.beside]
     found = [frame.image for frame in open_frames(task.photos) if frame.image is not None]
     photos = found[:: max(1, len(found) // PHOTOS)]
     policy = load_policy(task.weights)
     return (
-        list(candidates(meshes, photos, policy, task.pictures, task.seed)),
+        list(candidates(meshes, beside, photos, policy, task.pictures, task.seed)),
         list(tracked_frames(meshes[0], photos, policy, task.seed)),
         list(refinements(meshes[0], photos, policy, task.seed)),
     )
@@ -176,6 +184,15 @@ def calibrated(examples: Sequence[Example], line: NDArray[np.float64]) -> list[E
     ]
 
 
+def in_log_odds(examples: Sequence[Example]) -> list[Example]:
+    """The examples with the log odds of the confidence instead of it."""
+    confidence = np.array([one.evidence[0] for one in examples])
+    return [
+        replace(one, evidence=(value, one.evidence[1]))
+        for one, value in zip(examples, logit(confidence).tolist(), strict=True)
+    ]
+
+
 def write_calibrated(weights: Path, line: NDArray[np.float64], path: Path) -> None:
     """The network of a weights file with the line in the last layer of its confidence."""
     loaded = load_network(weights)
@@ -191,13 +208,14 @@ def write_calibrated(weights: Path, line: NDArray[np.float64], path: Path) -> No
 
 
 def candidates(
-    meshes: Sequence[Mesh], photos: Sequence[NDArray[np.uint8]], policy: NetworkPolicy,
-    pictures: int, seed: int,
+    meshes: Sequence[Mesh], beside: Sequence[Mesh], photos: Sequence[NDArray[np.uint8]],
+    policy: NetworkPolicy, pictures: int, seed: int,
 ) -> Iterator[Example]:  # fmt: skip
     """Where detections end, of the first mesh, which is in the pictures, and of the other."""
     renderer, store, mesh = make_renderer(), TemplateStore(), meshes[0]
-    for order, difficulty in enumerate(DIFFICULTIES):
-        scene = Scene(mesh, seed + order, FRAMES, difficulty, photos)
+    for order, difficulty in enumerate((*DIFFICULTIES, TABLETOP, TABLETOP)):
+        others = beside if difficulty == TABLETOP else ()
+        scene = Scene(mesh, seed + order, FRAMES, difficulty, photos, others=others)
         for k in range(pictures):
             frame = scene.render_frame(k * FRAMES // pictures)
             for wanted in meshes:
@@ -210,6 +228,18 @@ def candidates(
                     assert one.evidence is not None
                     values = one.evidence.confidence, one.evidence.similarity
                     yield Example(values, error if wanted is mesh else np.inf, wanted.name)
+
+
+def _of_size(mesh: Mesh, diameter: float) -> Mesh:
+    """The mesh, scaled to a diameter."""
+    return Mesh.from_arrays(
+        mesh.name,
+        mesh.vertices * (diameter / mesh.diameter),
+        mesh.faces,
+        uv=mesh.uv,
+        texture=mesh.texture,
+        vertex_colors=mesh.vertex_colors,
+    )
 
 
 def tracked_frames(
@@ -250,7 +280,6 @@ def report(name: str, names: Sequence[str], examples: Sequence[Example]) -> None
     """Print the weights, and how well those fitted without a mesh do on it."""
     examples = [one for one in examples if not one.borderline]  # they teach nothing
     values = np.array([one.evidence for one in examples])
-    values[:, 0] = logit(values[:, 0])
     right = np.array([one.right for one in examples])
     owner = np.array([one.mesh for one in examples])
     chance = np.zeros(len(examples))

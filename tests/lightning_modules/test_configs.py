@@ -36,8 +36,11 @@ def test_every_configuration_is_read_with_every_overlay(path: Path) -> None:
     data = read_data([f"--config={one}" for one in (path, *overlays)])
     assert data.batch_size == 16 and data.workers == 8, "ddp.yaml's and gpu.yaml's"
     if path.stem in ("object_specific", "multi_object"):
-        axis = dataclasses.replace(preset("paper"), crop="axis_parallel")
-        assert data.pairs == axis, "but for the overlay's crop"
+        paper = preset("paper")
+        poor = dataclasses.replace(paper.texture_colour.poor, probability=0.35)
+        colour = dataclasses.replace(paper.texture_colour, poor=poor)
+        changed = dataclasses.replace(paper, crop="axis_parallel", texture_colour=colour)
+        assert data.pairs == changed, "but for the overlays' crop and textures"
     if path.stem == "object_specific":
         assert (data.holdout, data.shapes, data.renew_every) == (0, 0, 0)
         assert data.source().shapes == 1, "without meshes one procedural object, which stays"

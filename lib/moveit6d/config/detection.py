@@ -181,9 +181,9 @@ class VerificationConfig:
         intercept: intercept of the regression.
     """
 
-    confidence: float = 1.34
-    similarity: float = 3.85
-    intercept: float = -5.94
+    confidence: float = 1.32
+    similarity: float = 5.81
+    intercept: float = -6.92
 
 
 @dataclass(frozen=True)
