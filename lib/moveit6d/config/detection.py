@@ -210,7 +210,7 @@ class DetectorConfig:
     verification: VerificationConfig = field(default_factory=VerificationConfig)
     stages: tuple[tuple[int, int], ...] = ((40, 1), (20, 1), (10, 3), (4, 6))
     half_turns: int = 1
-    accepted: float = 0.5
+    accepted: float = 0.3
     same_instance: float = 0.4
 
     def __post_init__(self) -> None:
