@@ -30,6 +30,7 @@ from moveit6d.config import RecoveryConfig, TrackerConfig
 from moveit6d.datasets.video import open_frames
 from moveit6d.estimation import TemplateStore
 from moveit6d.estimation.estimator import refine_single
+from moveit6d.estimation.states import log_odds
 from moveit6d.evaluation.metrics import ADD_LIMIT, add_s, auroc
 from moveit6d.evaluation.metrics.calibration import reliability
 from moveit6d.networks.compact import CompactCorrelationNet
@@ -152,8 +153,7 @@ def refinements(
 
 def logit(confidence: NDArray[np.float64]) -> NDArray[np.float64]:
     """Of confidences (N,), bounded."""
-    bounded = confidence.clip(1e-4, 1 - 1e-4)
-    return np.asarray(np.log(bounded / (1 - bounded)))
+    return np.array([log_odds(value) for value in confidence.tolist()])
 
 
 def platt(examples: Sequence[Example]) -> NDArray[np.float64]:
@@ -177,19 +177,19 @@ def platt(examples: Sequence[Example]) -> NDArray[np.float64]:
 def calibrated(examples: Sequence[Example], line: NDArray[np.float64]) -> list[Example]:
     """The examples with what a calibrated network would have said."""
     confidence = np.array([one.evidence[0] for one in examples])
-    said = probability(line, logit(confidence)[:, None]).tolist()
-    return [
-        replace(one, evidence=(value, one.evidence[1]))
-        for one, value in zip(examples, said, strict=True)
-    ]
+    return _with_first(examples, probability(line, logit(confidence)[:, None]))
 
 
 def in_log_odds(examples: Sequence[Example]) -> list[Example]:
     """The examples with the log odds of the confidence instead of it."""
-    confidence = np.array([one.evidence[0] for one in examples])
+    return _with_first(examples, logit(np.array([one.evidence[0] for one in examples])))
+
+
+def _with_first(examples: Sequence[Example], values: NDArray[np.float64]) -> list[Example]:
+    """The examples with other first values (N,) of their evidence."""
     return [
         replace(one, evidence=(value, one.evidence[1]))
-        for one, value in zip(examples, logit(confidence).tolist(), strict=True)
+        for one, value in zip(examples, values.tolist(), strict=True)
     ]
 
 

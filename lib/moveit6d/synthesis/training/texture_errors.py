@@ -6,7 +6,7 @@ rendering, and the templates of the descriptors, come through here.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor
@@ -64,13 +64,12 @@ def wrong_colours(rendered: GBuffer, config: TextureColourConfig, rng: RandomSou
             coarse, (PATCH_SIZE, PATCH_SIZE), mode="bilinear", align_corners=True
         )
     poor = config.poor
-    if not poor.probability:
-        return (shade_plain(rendered) * (1 + gain)).clamp(0, 1)
-    chosen = (rng.uniform(batch, 1, 1, 1) < poor.probability).float()
-    gain = gain + chosen * rng.uniform(batch, 3, 1, 1, between=(-1.0, 1.0)) * poor.gain
-    albedo = torch.lerp(rendered.albedo, _poor(rendered, poor, rng), chosen)
-    shaded = shade_plain(GBuffer(albedo, rendered.normal, rendered.depth, rendered.mask))
-    return (shaded * (1 + gain)).clamp(0, 1)
+    if poor.probability:
+        chosen = (rng.uniform(batch, 1, 1, 1) < poor.probability).float()
+        gain = gain + chosen * rng.uniform(batch, 3, 1, 1, between=(-1.0, 1.0)) * poor.gain
+        albedo = torch.lerp(rendered.albedo, _poor(rendered, poor, rng), chosen)
+        rendered = replace(rendered, albedo=albedo)
+    return (shade_plain(rendered) * (1 + gain)).clamp(0, 1)
 
 
 def _poor(rendered: GBuffer, config: PoorTextureConfig, rng: RandomSource) -> Tensor:
