@@ -12,6 +12,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from moveit6d.actions import expert_action
+from moveit6d.estimation.detection.templates import CELL, cell_weights
 from moveit6d.networks.correlation import CorrelationOutput
 from moveit6d.networks.dense_prediction import DensePrediction
 from moveit6d.networks.least_squares import (
@@ -239,7 +240,7 @@ def view_loss(described: Tensor, views: ViewBatch, mesh: Tensor, temperature: Te
     described = functional.normalize(centred(described.float()), dim=1)
     image = described[:count]
     templates = described[count:].reshape(count, each, *image.shape[1:])
-    masks = (functional.avg_pool2d(views.masks.flatten(0, 1), 8) > 0.5).float()
+    masks = (cell_weights(functional.avg_pool2d(views.masks.flatten(0, 1), CELL)) > 0).float()
     masks = masks.reshape(count, each, *masks.shape[1:])  # (N, 1 + K, 1, 16, 16)
     size = masks.flatten(2).sum(2).clamp_min(1)
     masked = templates * masks

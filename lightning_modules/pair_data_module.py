@@ -58,6 +58,7 @@ class PairDataModule(pl.LightningDataModule):
         shapes: random shapes with photo textures beside the meshes.
         symmetric: share of those that are symmetric and say so.
         untextured: share of those that are copies of the meshes without their texture.
+        slender: share of those that are squeezed copies of the meshes and of other shapes.
         renew_every: batches after which one random shape is replaced by a new one; 0: never.
         written: folder of `moveit6d write-pairs`; None: pairs are drawn as training goes.
         dihedral: written pairs are shown in one of their eight dihedral views, a new one each time:
@@ -82,6 +83,7 @@ class PairDataModule(pl.LightningDataModule):
         shapes: int = 60,
         symmetric: float = 0.0,
         untextured: float = 0.0,
+        slender: float = 0.0,
         renew_every: int = 50,
         written: Path | None = None,
         dihedral: bool = False,
@@ -108,6 +110,7 @@ class PairDataModule(pl.LightningDataModule):
         self.photos, self.photo_limit = photos, photo_limit
         self.occluders, self.written, self.dihedral = occluders, written, dihedral
         self.shapes, self.symmetric, self.untextured = shapes, symmetric, untextured
+        self.slender = slender
         self.renew_every = renew_every
         self.batch_size, self.workers = batch_size, workers
         self.validation_batches, self.seed = validation_batches, seed
@@ -204,6 +207,7 @@ class PairDataModule(pl.LightningDataModule):
             self.symmetric,
             tuple(others),
             self.untextured,
+            self.slender,
         )
 
     def _written_stream(self, folder: Path) -> WrittenStream:

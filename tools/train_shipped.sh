@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# The shipped model from random numbers to its calibrated weights.
+# The shipped model from random numbers.
 #
 #   tools/train_shipped.sh MESHES PHOTOS OUTPUT [OPTION ...]
 #
-# Two fits, the second one from the weights of the first, and the calibration of the confidence: about
-# six hours of two CPU cores. Options go to both fits. Kill it at any time: the same command goes on.
-# OUTPUT/multi_object.safetensors is the result; the regressions that are printed in the end belong
-# to it (`VerificationConfig`, `StateConfig`).
+# Three fits, each from the weights of the one before, and the calibration of the confidence before
+# the last: about six hours of two CPU cores. Options go to all fits. Kill it at any time: the same
+# command goes on. OUTPUT/third/weights.safetensors is the result; the regressions that the
+# calibration prints are those of `VerificationConfig` and `StateConfig`.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 meshes=$1 photos=$2 output=$3
@@ -22,6 +22,9 @@ fit() { # NAME OPTION …: weights in OUTPUT/NAME
 fit first "$@"
 fit second --config configs/overlay/poor_textures.yaml \
     --model.init_from "$output/first/weights.safetensors" "$@"
-PYTHONPATH=. .venv/bin/python tools/fit_probabilities.py --meshes "$meshes" --photos "$photos" \
-    --jobs 2 --weights "$output/second/weights.safetensors" \
-    --calibrated "$output/multi_object.safetensors"
+[ -e "$output/calibrated.safetensors" ] ||
+    PYTHONPATH=. .venv/bin/python tools/fit_probabilities.py --meshes "$meshes" --photos "$photos" \
+        --jobs 2 --weights "$output/second/weights.safetensors" \
+        --calibrated "$output/calibrated.safetensors"
+fit third --config configs/overlay/poor_textures.yaml --config configs/overlay/slender.yaml \
+    --model.init_from "$output/calibrated.safetensors" "$@"

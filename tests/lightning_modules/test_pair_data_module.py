@@ -115,6 +115,17 @@ def test_untextured_copies_of_the_meshes_are_as_many_as_wanted(source: PairSourc
     assert some.shape(random, []).vertices is not mesh.vertices, "without meshes there are none"
 
 
+def test_slender_copies_are_as_many_as_wanted(source: PairSource) -> None:
+    some = dataclasses.replace(source, slender=0.5)
+    random = np.random.default_rng(0)
+    mesh = source.shape(random, [])
+    drawn = [some.shape(random, [], [mesh]) for _ in range(40)]
+    slender = [shape for shape in drawn if shape.name.startswith("slender_")]
+    assert len(slender) == pytest.approx(20, abs=8)
+    of_mesh = sum(shape.name == f"slender_{mesh.name}" for shape in slender)
+    assert 0 < of_mesh < len(slender), "others are copies of shapes"
+
+
 # -- states that the network itself leads to -------------------------------------------------------
 
 

@@ -116,8 +116,8 @@ class _Views:
 
     @property
     def weight(self) -> Tensor:
-        """Of each cell (N, h, w): its covered share, 0 under a half."""
-        return torch.where(self.covered > 0.5, self.covered, 0.0)
+        """Of each cell (N, h, w), see `cell_weights`."""
+        return cell_weights(self.covered)
 
     def templates(self, basis: Tensor, colour: float | None = None) -> Templates:
         """Project to a basis (D, C) and cut the middle out, where the object is."""
@@ -152,6 +152,18 @@ def _views(
         boxes.append(_boxes(mask[:, 0], config.width))
     parts = (torch.cat(some) for some in (features, colours, covered, boxes))
     return _Views(rotations, *parts)
+
+
+def cell_weights(covered: Tensor) -> Tensor:
+    """Weights of cells (N, ..., h, w): the object's share of each, or 0 if that is small.
+
+    Small is up to half of its largest share of any cell: slender objects fill none.
+
+    >>> cell_weights(torch.tensor([[[1.0, 0.6, 0.4]], [[0.4, 0.3, 0.1]]])).tolist()
+    [[[1.0, 0.6000000238418579, 0.0]], [[0.4000000059604645, 0.30000001192092896, 0.0]]]
+    """
+    least = 0.5 * covered.amax((-2, -1), keepdim=True)
+    return torch.where(covered > least, covered, 0.0)
 
 
 def colour_cells(images: Tensor, size: Sequence[int]) -> Tensor:
@@ -257,7 +269,7 @@ def _digest(mesh: Mesh, config: TemplateConfig, network: str) -> str:
     return known[settings]
 
 
-_VERSION = 2  # of what templates are: files of another one are not found
+_VERSION = 3  # of what templates are: files of another one are not found
 _FIELDS = ("rotations", "kernels", "shares", "basis", "boxes")
 _LEVELS = ("fine", "coarse")
 

@@ -20,7 +20,7 @@ from ...observation import GREY, observe
 from ...policies import DescriptorPolicy
 from ...rendering.renderer import Renderer
 from ..states import log_odds
-from .templates import CELL
+from .templates import CELL, cell_weights
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,7 @@ def similarities(
     described = policy.descriptors(torch.cat([observation.image, rendering]))
     described = described - described.mean((2, 3), keepdim=True)
     image, rendered = functional.normalize(described, dim=1).chunk(2)
-    covered = functional.avg_pool2d(observation.mask, CELL)
-    weight = torch.where(covered > 0.5, covered, 0.0)
+    weight = cell_weights(functional.avg_pool2d(observation.mask, CELL))
     cosine = (image * rendered).sum(1, keepdim=True) * weight
     means: list[float] = (cosine.sum((1, 2, 3)) / (weight.sum((1, 2, 3)) + 1e-6)).tolist()
     return means

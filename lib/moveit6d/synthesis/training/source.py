@@ -21,6 +21,7 @@ from ...geometry.mesh_files import SUFFIXES
 from ..augmentation.backgrounds import procedural_photo
 from ..augmentation.photos import load_photos
 from ..objects.shapes import random_object
+from ..objects.slender import slender_copy
 from ..objects.symmetric_shapes import symmetric_object
 from ..objects.untextured import untextured_copy
 from .pairs import PairConfig, PairGenerator
@@ -33,8 +34,9 @@ class PairSource:
     """Files, number of procedural shapes, and all that is random about a pair.
 
     `symmetric` is the share of procedural shapes that declare symmetries, `untextured` that of
-    copies of the meshes without their texture; `occluders` are meshes for the occluder bank, where
-    it is not filled with the same ones.
+    copies of the meshes without their texture, `slender` that of slender copies of the meshes and
+    of other shapes, half each; `occluders` are meshes for the occluder bank, where it is not filled
+    with the same ones.
     """
 
     meshes: tuple[Path, ...]
@@ -46,6 +48,7 @@ class PairSource:
     symmetric: float = 0.0
     occluders: tuple[Path, ...] = ()
     untextured: float = 0.0
+    slender: float = 0.0
 
     def load_photos(self, random: np.random.Generator) -> list[np.ndarray]:
         """The photographs of the folder, or generated pictures."""
@@ -68,8 +71,16 @@ class PairSource:
     def shape(
         self, random: np.random.Generator, photos: Sequence[np.ndarray], meshes: Sequence[Mesh] = ()
     ) -> Mesh:
-        """One new procedural shape, or an untextured copy of one of the meshes."""
+        """One new procedural shape, or an untextured or slender copy of one of the meshes."""
         # No number is drawn for nothing: without those kinds the others stay the same.
+        if self.slender > 0 and random.random() < self.slender:
+            any_mesh = bool(meshes) and random.random() < 0.5
+            return slender_copy(
+                random,
+                meshes[int(random.integers(len(meshes)))]
+                if any_mesh
+                else random_object(random, photos),
+            )
         if self.symmetric > 0 and random.random() < self.symmetric:
             return symmetric_object(random, photos)
         if self.untextured > 0 and meshes and random.random() < self.untextured:
@@ -91,7 +102,8 @@ class PairSource:
         facts = {
             "files": files, "unit": self.mesh_unit, "photos": photos, "limit": self.photo_limit,
             "shapes": self.shapes, "symmetric": self.symmetric,
-            "untextured": self.untextured, "pairs": dataclasses.asdict(self.pairs),
+            "untextured": self.untextured, "slender": self.slender,
+            "pairs": dataclasses.asdict(self.pairs),
         }  # fmt: skip
         return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
