@@ -25,7 +25,8 @@ def slender_copy(rng: np.random.Generator, mesh: Mesh) -> Mesh:
     points = mesh.vertices.astype(np.float64)
     points = points - points.mean(0)
     axes = np.linalg.eigh(points.T @ points)[1]  # columns, the shortest axis first
-    factors = np.exp(rng.uniform(*np.log(LEFT), 3))
+    low, high = np.log(LEFT)
+    factors = np.exp(rng.uniform(low, high, 3))
     factors[2] = 1.0
     if rng.random() < FLAT:
         factors[1] = 1.0
