@@ -20,7 +20,7 @@ from tests.support import meshes, pictures
 SMALL = TrackerConfig(
     detection=DetectorConfig(
         templates=TemplateConfig(rotations=240, coarse_rotations=60, width=88),
-        match=MatchConfig(widths=(0.3, 0.6), places=8, views=6),
+        match=MatchConfig(widths=(0.3, 0.6), places=8, views=8),
         stages=((16, 2), (3, 6)),
     )
 )
