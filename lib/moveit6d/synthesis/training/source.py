@@ -74,13 +74,9 @@ class PairSource:
         """One new procedural shape, or an untextured or slender copy of one of the meshes."""
         # No number is drawn for nothing: without those kinds the others stay the same.
         if self.slender > 0 and random.random() < self.slender:
-            any_mesh = bool(meshes) and random.random() < 0.5
-            return slender_copy(
-                random,
-                meshes[int(random.integers(len(meshes)))]
-                if any_mesh
-                else random_object(random, photos),
-            )
+            if meshes and random.random() < 0.5:
+                return slender_copy(random, meshes[int(random.integers(len(meshes)))])
+            return slender_copy(random, random_object(random, photos))
         if self.symmetric > 0 and random.random() < self.symmetric:
             return symmetric_object(random, photos)
         if self.untextured > 0 and meshes and random.random() < self.untextured:
