@@ -37,6 +37,7 @@ from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.weights_file import load_network, save_network
 from moveit6d.parallel import run_jobs
 from moveit6d.policies import SHIPPED_WEIGHTS, NetworkPolicy
+from moveit6d.synthesis.objects.reshape import reshaped
 from moveit6d.synthesis.sequences.sequence import Scene
 from moveit6d.synthesis.single_images import make_cases
 
@@ -232,14 +233,7 @@ def candidates(
 
 def _of_size(mesh: Mesh, diameter: float) -> Mesh:
     """The mesh, scaled to a diameter."""
-    return Mesh.from_arrays(
-        mesh.name,
-        mesh.vertices * (diameter / mesh.diameter),
-        mesh.faces,
-        uv=mesh.uv,
-        texture=mesh.texture,
-        vertex_colors=mesh.vertex_colors,
-    )
+    return reshaped(mesh, mesh.vertices * (diameter / mesh.diameter))
 
 
 def tracked_frames(

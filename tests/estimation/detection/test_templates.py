@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-import trimesh
 from safetensors.torch import load, save
 
 from moveit6d import InputError, Mesh, make_renderer
@@ -52,9 +51,9 @@ def test_boxes_are_the_silhouettes(network: NetworkPolicy) -> None:
 
 
 def test_an_object_that_fills_no_cell_is_described_too(network: NetworkPolicy) -> None:
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    hull = trimesh.convex.convex_hull(corners * (0.005, 0.005, 0.2))
-    rod = Mesh.from_arrays("rod", hull.vertices, hull.faces)
+    from tests.support import meshes
+
+    rod = meshes.colored_box((0.005, 0.005, 0.2))
     coarse = make_templates(rod, network.descriptors, make_renderer(), FEW).coarse
     torch.testing.assert_close(coarse.shares.sum((1, 2)), torch.ones(4), atol=1e-3, rtol=0)
 

@@ -159,8 +159,8 @@ def cell_weights(covered: Tensor) -> Tensor:
 
     Small is up to half of its largest share of any cell: slender objects fill none.
 
-    >>> cell_weights(torch.tensor([[[1.0, 0.6, 0.4]], [[0.4, 0.3, 0.1]]])).tolist()
-    [[[1.0, 0.6000000238418579, 0.0]], [[0.4000000059604645, 0.30000001192092896, 0.0]]]
+    >>> cell_weights(torch.tensor([[[1.0, 0.75, 0.25]], [[0.5, 0.375, 0.125]]])).tolist()
+    [[[1.0, 0.75, 0.0]], [[0.5, 0.375, 0.0]]]
     """
     least = 0.5 * covered.amax((-2, -1), keepdim=True)
     return torch.where(covered > least, covered, 0.0)

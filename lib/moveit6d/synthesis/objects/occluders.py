@@ -15,6 +15,7 @@ from ...geometry.mesh import Mesh
 from ...typing import Float64, RGBImage
 from . import primitives as make
 from .primitives import Part
+from .reshape import reshaped
 from .shapes import random_object
 from .textures import paint, photo_crop, random_palette, smooth_noise, weather
 
@@ -45,7 +46,7 @@ def random_occluder(
         return card(rng, scale, photos)
     mesh = random_object(rng, photos)
     factor = scale * rng.uniform(0.1, 0.16) / mesh.sphere_diameter
-    return Occluder("object", _resized(mesh, factor), np.zeros(3), None)
+    return Occluder("object", reshaped(mesh, mesh.vertices * factor), np.zeros(3), None)
 
 
 def card(
@@ -128,9 +129,3 @@ def _dressed(rng: np.random.Generator, parts: list[Part]) -> tuple[RGBImage, lis
         for part in parts
     ]
     return texture, placed
-
-
-def _resized(mesh: Mesh, factor: float) -> Mesh:
-    return Mesh.from_arrays(
-        mesh.name, mesh.vertices * factor, mesh.faces, uv=mesh.uv, texture=mesh.texture
-    )

@@ -6,9 +6,12 @@ ones cover few pixels of a patch and look alike from many sides.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...geometry.mesh import Mesh
+from .reshape import reshaped
 
 LEFT = (0.12, 0.5)  # of a squeezed axis' length
 SIZES = (0.08, 0.3)  # metres, the bounding sphere's diameter
@@ -20,7 +23,7 @@ def slender_copy(rng: np.random.Generator, mesh: Mesh) -> Mesh:
 
     One that declares symmetries comes back as it is: squeezed it would not have them.
     """
-    if len(mesh.motions) > 1 or mesh.symmetries.continuous:
+    if not mesh.symmetries.is_trivial:
         return mesh
     points = mesh.vertices.astype(np.float64)
     points = points - points.mean(0)
@@ -33,11 +36,5 @@ def slender_copy(rng: np.random.Generator, mesh: Mesh) -> Mesh:
     points = points @ axes * factors @ axes.T
     size = float(np.exp(rng.uniform(*np.log(SIZES))))
     reach = 2 * float(np.linalg.norm(points, axis=1).max())
-    return Mesh.from_arrays(
-        f"slender_{mesh.name}",
-        points * (size / reach),
-        mesh.faces,
-        uv=mesh.uv,
-        texture=mesh.texture,
-        vertex_colors=mesh.vertex_colors,
-    )
+    copy = reshaped(mesh, points * (size / reach))
+    return replace(copy, name=f"slender_{mesh.name}")
