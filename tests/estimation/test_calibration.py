@@ -35,6 +35,7 @@ class TooNear:
 
     pose: Pose
     bias: float
+    scatter: float = 0.0
     mode: ActionMode = ActionMode.ALL_AXES
     crop: Crop = "look_at"
 
@@ -45,9 +46,9 @@ class TooNear:
         same = replace(state, target=torch.arange(number))
         prediction = oracle.predict(seen, same)
         assert prediction.delta is not None
-        return replace(
-            prediction, delta=prediction.delta + torch.tensor([0, 0, self.bias, 0, 0, 0])
-        )
+        delta = prediction.delta.clone()
+        delta[:, 2] += self.bias + self.scatter * torch.linspace(-1, 1, number)
+        return replace(prediction, delta=delta)
 
 
 def left(mesh: Mesh, pose: Pose | None) -> float:
@@ -64,6 +65,15 @@ def test_the_bias_is_read_where_the_pose_is_known(brick: Mesh, bias: float) -> N
     assert found == pytest.approx(CONFIG.calibration.share * bias, abs=0.05)
     single = replace(policy, mode=ActionMode.SINGLE)
     assert depth_bias(Start(frame, brick, TRUTH), single, make_renderer(), CONFIG) == 0.0
+
+
+def test_the_less_the_updates_agree_the_less_of_it_counts(brick: Mesh) -> None:
+    frame, config = prepare_frame(GRAY, CAMERA), CONFIG.calibration
+    deviation = float(torch.linspace(-1, 1, 2 * config.pairs).std(correction=0))
+    for times, share in ((0.4, 0.975), (1.0, 0.5), (2.0, 0.06)):
+        policy = TooNear(TRUTH, 1.2, scatter=times * config.disagreement / deviation)
+        found = depth_bias(Start(frame, brick, TRUTH), policy, make_renderer(), CONFIG)
+        assert found == pytest.approx(share * config.share * 1.2, abs=0.05)
 
 
 def test_an_error_that_is_too_large_for_a_bias_is_limited(brick: Mesh) -> None:

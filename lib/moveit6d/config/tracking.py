@@ -149,6 +149,9 @@ class CalibrationConfig:
         pairs: perturbed starts to either side of the known pose.
         spread: standard deviation of those starts on the six axes, in action units.
         share: part of the depth bias found in one frame that lasts; the rest belongs to that view.
+        disagreement: standard deviation of the updates from those starts, in action units, at which
+            half of the bias counts: where they lead to different depths, as of slender
+            objects, what one frame says holds for that frame alone.
         max_bias: largest depth bias, in action units: more is a pose that is not exact.
     """
 
@@ -156,7 +159,14 @@ class CalibrationConfig:
     pairs: int = 4
     spread: tuple[float, float, float, float, float, float] = (1.0, 1.0, 1.0, 1.5, 1.5, 1.5)
     share: float = 0.6
+    disagreement: float = 1.0
     max_bias: float = 3.0
+
+    def __post_init__(self) -> None:
+        if not self.disagreement > 0:
+            raise InputError(
+                f"CalibrationConfig: disagreement must be positive, found {self.disagreement}."
+            )
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,10 @@ def depth_bias(exact: Start, policy: Policy, renderer: Renderer, config: Tracker
     past = [float(pose_delta(exact.centred, end, diameter / loop.fine_scale)[2]) for end in ends]
     if not past:
         return 0.0
-    return float(np.clip(settings.share * np.mean(past), -settings.max_bias, settings.max_bias))
+    # Of slender objects the depth that comes out depends on where the update started.
+    trusted = 1 / (1 + (np.std(past) / settings.disagreement) ** 4)
+    bias = settings.share * trusted * np.mean(past)
+    return float(np.clip(bias, -settings.max_bias, settings.max_bias))
 
 
 def _action(delta: np.ndarray) -> PoseAction:
