@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from moveit6d.datasets import open_dataset
 from moveit6d.datasets.sequences import Sequence
 from moveit6d.evaluation.tables import markdown
-from moveit6d.frame import prepare_frame
 from moveit6d.geometry.crop import look_at
 from moveit6d.geometry.pose import Pose
 from moveit6d.rendering.backends import make_renderer
 from moveit6d.rendering.renderer import Renderer
 from tools.contour_contrast import contrast
+from tools.true_frames import true_frames
 
 FACTORS = np.arange(0.94, 1.0601, 0.005)
 
@@ -48,12 +48,8 @@ def best_factors(sequence: Sequence, every: int, renderer: Renderer) -> NDArray[
     """The factor of the true distance with the most contrast, frame by frame."""
     mesh, found = sequence.load_mesh(), []
     diameter = torch.tensor(mesh.sphere_diameter).double()
-    for number, one in enumerate(sequence.open()):
-        truth = sequence.truth.get(one.index)
-        if number % every or truth is None or one.image is None:
-            continue
-        frame = prepare_frame(one.image, sequence.camera)
-        centred = mesh.inner(truth.to(torch.float64))
+    for frame, truth in true_frames(sequence, every):
+        centred = mesh.inner(truth)
         view = look_at(centred, diameter)
         values = [
             contrast(

@@ -24,12 +24,12 @@ from moveit6d.estimation.results import Start
 from moveit6d.evaluation.metrics import ADD_LIMIT, add_s
 from moveit6d.evaluation.tables import markdown
 from moveit6d.evaluation.track_scores import EvaluationPoints
-from moveit6d.frame import prepare_frame
 from moveit6d.geometry.crop import OBJECT_SIZE
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import SHIPPED_WEIGHTS, Policy, load_policy
 from moveit6d.rendering.backends import make_renderer
 from moveit6d.rendering.renderer import Renderer
+from tools.true_frames import true_frames
 
 HEAD = ["sequence", "frames", "< 10 %", "with the true depth", "t_z off, units", "its size"]
 
@@ -68,22 +68,17 @@ def errors_of(
     """The errors of every `every`-th frame whose refinement has a pose."""
     mesh, found = sequence.load_mesh(), []
     surface = EvaluationPoints.of(mesh, symmetric=sequence.symmetric)
-    for number, one in enumerate(sequence.open()):
-        truth = sequence.truth.get(one.index)
-        if number % every or truth is None or one.image is None:
-            continue
-        frame = prepare_frame(one.image, sequence.camera)
-        exact = truth.to(torch.float64)
-        centred = mesh.inner(exact)
+    for frame, truth in true_frames(sequence, every):
+        centred = mesh.inner(truth)
         start = Start(frame, mesh, centred, fine=True)
         ended = refine_starts([start], policy=policy, renderer=renderer, loop=loop)[0].centred
         if ended is None:
             continue
         distance, true_distance = ended.translation.norm(), centred.translation.norm()
-        mended = Pose(ended.rotation, ended.translation * (true_distance / distance))
+        corrected = Pose(ended.rotation, ended.translation * (true_distance / distance))
         errors = [
-            float(add_s(mesh.outer(pose), exact, surface.points, sequence.symmetric))
-            for pose in (ended, mended)
+            float(add_s(mesh.outer(pose), truth, surface.points, sequence.symmetric))
+            for pose in (ended, corrected)
         ]
         add, with_depth = (error / surface.diameter for error in errors)
         units = OBJECT_SIZE * float(distance / true_distance - 1)

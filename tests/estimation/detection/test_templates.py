@@ -20,6 +20,7 @@ from moveit6d.estimation.detection.templates import (
 )
 from moveit6d.observation import GREY
 from moveit6d.policies import NetworkPolicy
+from tests.support import meshes
 
 FEW = TemplateConfig(rotations=12, coarse_rotations=4, channels=8)
 
@@ -38,8 +39,6 @@ def test_a_template_matches_itself_best(box: Mesh, network: NetworkPolicy) -> No
 
 
 def test_boxes_are_the_silhouettes(network: NetworkPolicy) -> None:
-    from tests.support import meshes
-
     ball = meshes.sphere(subdivisions=3)
     boxes = make_templates(ball, network.descriptors, make_renderer(), FEW).fine.boxes
     expected = torch.tensor([-0.5, -0.5, 0.5, 0.5]).expand(12, 4)
@@ -51,8 +50,6 @@ def test_boxes_are_the_silhouettes(network: NetworkPolicy) -> None:
 
 
 def test_an_object_that_fills_no_cell_is_described_too(network: NetworkPolicy) -> None:
-    from tests.support import meshes
-
     rod = meshes.colored_box((0.005, 0.005, 0.2))
     coarse = make_templates(rod, network.descriptors, make_renderer(), FEW).coarse
     torch.testing.assert_close(coarse.shares.sum((1, 2)), torch.ones(4), atol=1e-3, rtol=0)
