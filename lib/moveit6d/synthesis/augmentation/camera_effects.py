@@ -34,7 +34,8 @@ SHARPEST = 0.2  # pixels: standard deviation of the narrowest blur that a kernel
 BLACK = 1e-4  # of full white: what no pixel falls below
 MOVING = 0.5  # pixels: standard deviation of the blur across a motion
 RADIUS = 6  # pixels: of the kernels, so that the cost of a blur does not depend on its width
-GROUPS = 4  # of a batch, each with a resolution of its own
+GROUPS = 4  # of a batch at least, each with a resolution of its own
+LARGEST_GROUP = 128
 
 
 def random_blur(image: Tensor, config: BlurConfig, rng: RandomSource) -> Tensor:
@@ -127,6 +128,7 @@ def random_digitization(
     group of the batch has one resolution.
     """
     size = image.shape[-1]
+    groups = max(groups, -(-len(image) // LARGEST_GROUP))
     parts = []
     for part, exponent in zip(image.chunk(groups), gamma.chunk(groups), strict=True):
         small = part
