@@ -36,8 +36,8 @@ class StateConfig:
     """
 
     confidence: float = 7.5
-    agreement: float = 2.8
-    intercept: float = -5.1
+    agreement: float = 2.3
+    intercept: float = -4.7
     usual_agreement: float = 0.4
     confirmed: float = 0.5
     doubted: float = 0.3
