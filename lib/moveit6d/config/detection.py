@@ -181,9 +181,9 @@ class VerificationConfig:
         intercept: intercept of the regression.
     """
 
-    confidence: float = 0.90
+    confidence: float = 1.86
     similarity: float = 4.74
-    intercept: float = -5.32
+    intercept: float = -7.26
 
 
 @dataclass(frozen=True)
