@@ -159,7 +159,7 @@ class CalibrationConfig:
     pairs: int = 4
     spread: tuple[float, float, float, float, float, float] = (1.0, 1.0, 1.0, 1.5, 1.5, 1.5)
     share: float = 0.6
-    disagreement: float = 0.5
+    disagreement: float = 1.0
     max_bias: float = 3.0
 
     def __post_init__(self) -> None:
