@@ -32,15 +32,17 @@ from moveit6d.synthesis.training.source import PairSource
 TEXTURES = 150  # photographs that a worker process keeps for procedural objects
 HANDS = 96  # hands and cards, made once
 CARDS = 0.35  # share of them that are cards
-RENEWED = 4  # procedural objects replaced a batch at most
-SHAPE_SHARE = 0.7  # pairs of procedural objects for each pair of a mesh
+DRAWN = 4  # batches drawn together: small operations cost a GPU about as much as large ones
+RENEWED = 16  # procedural objects replaced at most after so many batches
+SHAPE_SHARE = 1.0  # pairs of procedural objects for each pair of a mesh
 
 
 class BankStream(IterableDataset[TrainingBatch]):
     """Batches without end, all on one device; each picture in 1 + `iterations` states.
 
-    After a batch of new pictures come as many of the same ones, each after one more iteration of
-    the `student`: it answers an observation with a pose delta (B, 6), or None if it is too young.
+    After `DRAWN` batches of new pictures come as many of the same ones, each after one more
+    iteration of the `student`: it answers an observation with a pose delta (B, 6), or None if it is
+    too young.
     """
 
     def __init__(
@@ -54,7 +56,7 @@ class BankStream(IterableDataset[TrainingBatch]):
 
     def __iter__(self) -> Iterator[TrainingBatch]:
         random = np.random.default_rng([*self.seed])
-        processes = min(16, max(1, (os.cpu_count() or 1)))
+        processes = min(16, max(1, (os.cpu_count() or 1) - 2))  # this one needs a core for itself
         context = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(processes, context, _begin, (self.source,)) as pool:
             yield from self._batches(pool, random)
@@ -85,14 +87,14 @@ class BankStream(IterableDataset[TrainingBatch]):
         )
         waiting: deque[Future[PackedMesh]] = deque()
         for _ in count():
-            batch = generator.batch(self.batch_size)
-            yield batch
+            drawn = generator.batch(DRAWN * self.batch_size)
+            yield from drawn.parts(DRAWN)
             for _ in range(self.iterations):
-                delta = None if self.student is None else self.student(batch.observation)
+                delta = None if self.student is None else self.student(drawn.observation)
                 if delta is None:
                     break
-                batch = generator.advance(batch, delta)
-                yield batch
+                drawn = generator.advance(drawn, delta)
+                yield from drawn.parts(DRAWN)
             while len(waiting) < 4 * RENEWED and len(shapes):
                 waiting.append(pool.submit(_shape, next(seeds)))
             for _ in range(RENEWED):

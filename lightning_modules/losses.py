@@ -16,8 +16,8 @@ from moveit6d.estimation.detection.templates import CELL, cell_weights
 from moveit6d.networks.correlation import CorrelationOutput
 from moveit6d.networks.dense_prediction import DensePrediction
 from moveit6d.networks.least_squares import (
-    cell_pixels,
     move_points,
+    object_pixels,
     precision,
     project_points,
     slanted,
@@ -67,9 +67,8 @@ class DenseTruth:
 def dense_truth(batch: TrainingBatch, stride: int) -> DenseTruth:
     """Where each cell's surface point really is in the observed patch, and whether it shows."""
     observation = batch.observation
-    pixels = cell_pixels(stride).to(observation.depth.device)
+    pixels, covered = object_pixels(observation.mask, stride)
     points = surface_points(observation.depth, observation.distance, pixels)
-    covered = observation.mask[:, 0, pixels[:, 1], pixels[:, 0]]
     moved = move_points(points, observation.distance, batch.delta, batch.direction)
     goal = project_points(moved, observation.distance)
     nearest = goal.round().long()
@@ -81,7 +80,7 @@ def dense_truth(batch: TrainingBatch, stride: int) -> DenseTruth:
     shows = batch.visible[sample, 0, row, column] > 0.5
     same = (surface - moved[..., 2]).abs() < 0.06  # else another part of the object is in front
     visible = (inside & shows & same).float() * covered
-    return DenseTruth(goal - pixels.to(goal)[None], visible, covered)
+    return DenseTruth(goal - pixels.to(goal), visible, covered)
 
 
 def correlation_losses(
@@ -173,9 +172,8 @@ def point_error(batch: TrainingBatch, delta: Tensor) -> Tensor:
     An ADD over the half of the surface that the rendering shows.
     """
     observation = batch.observation
-    pixels = cell_pixels(8).to(observation.depth.device)
+    pixels, covered = object_pixels(observation.mask, 8)
     points = surface_points(observation.depth, observation.distance, pixels)
-    covered = observation.mask[:, 0, pixels[:, 1], pixels[:, 0]]
     moved = move_points(points, observation.distance, delta, batch.direction)
     goal = move_points(points, observation.distance, batch.delta, batch.direction)
     apart = slanted(moved - goal, batch.direction)

@@ -113,7 +113,8 @@ def _time(stream: Iterator[TrainingBatch], batch: TrainingBatch, module: PoseAct
         kind = "new" if batch.views is not None else "later"
         spent.setdefault(f"draw {kind}", []).append(time.perf_counter() - begin)
     for name, times in sorted(spent.items()):
-        print(f"{name}: median {1e3 * statistics.median(times[1:]):.1f} ms a batch", flush=True)
+        middle, most = (1e3 * f(times[1:]) for f in (statistics.median, max))
+        print(f"{name}: median {middle:.1f} ms a batch, {most:.1f} at most", flush=True)
 
 
 def _picture(batch: TrainingBatch, path: Path) -> None:

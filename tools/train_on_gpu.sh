@@ -5,7 +5,8 @@
 #   bash train_on_gpu.sh MINUTES [args]   train that long; further arguments go to `moveit6d fit`
 #
 # Weights, checkpoint and log come out in $OUT (./out without it). The learning rate falls with time,
-# so that the training is whole however fast the machine is. To go on from an earlier checkpoint, put
+# so that the training is whole however fast the machine is; leave a minute of the lease for what
+# comes before the first step and after the last one. To go on from an earlier checkpoint, put
 # it there as last.ckpt first. Needs PyTorch with CUDA, CuPy and Lightning; wheels/ brings the rest.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)

@@ -33,16 +33,12 @@ def test_every_configuration_is_read_with_every_overlay(path: Path) -> None:
     overlays = OVERLAYS
     if path.stem == "my_object":  # the network is that of its weights file
         overlays = [one for one in OVERLAYS if one.stem not in ("no_depth", "axis_parallel")]
-    if path.stem == "object_specific":  # there are no other objects
-        overlays = [one for one in OVERLAYS if one.stem != "slender"]
     data = read_data([f"--config={one}" for one in (path, *overlays)])
     assert data.batch_size == 16 and data.workers == 8, "ddp.yaml's and gpu.yaml's"
     if path.stem in ("object_specific", "multi_object"):
         paper = preset("paper")
-        poor = dataclasses.replace(paper.texture_colour.poor, probability=0.35)
-        colour = dataclasses.replace(paper.texture_colour, poor=poor)
-        changed = dataclasses.replace(paper, crop="axis_parallel", texture_colour=colour)
-        assert data.pairs == changed, "but for the overlays' crop and textures"
+        changed = dataclasses.replace(paper, crop="axis_parallel")
+        assert data.pairs == changed, "but for the overlay's crop"
     if path.stem == "object_specific":
         assert (data.holdout, data.shapes, data.renew_every) == (0, 0, 0)
         assert data.source().shapes == 1, "without meshes one procedural object, which stays"
@@ -53,6 +49,7 @@ def test_a_gpu_can_draw_the_pairs_itself() -> None:
     data = read_data([f"--config={CONFIGS / 'fit' / 'compact.yaml'}", f"--config={GPU_PAIRS}"])
     assert (data.device, data.workers, data.batch_size) == ("cuda", 0, 512)
     assert data.pairs == preset("linear_light")
+    assert (data.rollouts.iterations, data.rollouts.first_step) == (2, 600)
 
 
 def keys(values: Any) -> Any:

@@ -74,6 +74,18 @@ def test_point_error_is_zero_at_the_truth_and_grows(batch: TrainingBatch) -> Non
     assert (point_error(batch, off) > RIGHT).any() or (expected < RIGHT).all()
 
 
+def test_a_line_beside_the_middles_of_its_cells_counts(batch: TrainingBatch) -> None:
+    """It has cells to learn from, and a pose that is wrong for it is not right."""
+    mask = torch.zeros_like(batch.observation.mask)
+    mask[:, :, 64, 10:118] = 1  # the middles of cells of 8 are rows 60 and 68
+    seen = replace(batch.observation, mask=mask, depth=torch.zeros_like(mask))
+    line = replace(batch, observation=seen, true_depth=seen.depth, true_mask=mask)
+    assert (dense_truth(line, 8).covered.sum(1) == 14).all()
+    off = line.delta.clone()
+    off[:, 0] += 20
+    assert (point_error(line, off) > RIGHT).all()
+
+
 def test_a_pose_is_right_by_the_object_not_by_the_patch(batch: TrainingBatch) -> None:
     error = torch.full((len(batch.delta),), 1.3 * RIGHT)
     assert not is_right(batch, error).any()

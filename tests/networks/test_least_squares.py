@@ -13,6 +13,7 @@ from moveit6d.networks.least_squares import (
     cell_pixels,
     jacobian,
     move_points,
+    object_pixels,
     precision,
     project_points,
     solve_delta,
@@ -33,9 +34,42 @@ def test_cells_stand_for_their_middle_pixels() -> None:
     assert len(cell_pixels(4)) == (PATCH_SIZE // 4) ** 2
 
 
+def nearest_by_hand(mask: torch.Tensor, stride: int, x: int, y: int) -> float:
+    """Squared distance from a cell's middle pixel to the object's nearest pixel in the cell."""
+    block = mask[y : y + stride, x : x + stride].nonzero() - stride // 2
+    return float(block.square().sum(1).min()) if len(block) else math.inf
+
+
+def test_cells_stand_for_the_object_s_nearest_pixel_if_they_have_any() -> None:
+    generator = torch.Generator().manual_seed(0)
+    mask = (torch.rand(2, 1, PATCH_SIZE, PATCH_SIZE, generator=generator) < 0.05).float()
+    mask[1, 0, 40:90, 30:100] = 1
+    for stride in (4, 8):
+        middles = cell_pixels(stride)
+        pixels, covered = object_pixels(mask, stride)
+        for picture, found, on in zip(mask[:, 0], pixels, covered, strict=True):
+            assert torch.equal(picture[found[:, 1], found[:, 0]], on)
+            off = (found - middles).square().sum(1)
+            for number, (x, y) in enumerate((middles // stride * stride).tolist()):
+                nearest = nearest_by_hand(picture, stride, x, y)
+                assert bool(on[number]) == (nearest < math.inf)
+                assert off[number] == (nearest if on[number] else 0)
+
+
+def test_a_line_between_the_middles_of_cells_is_in_them() -> None:
+    mask = torch.zeros(1, 1, PATCH_SIZE, PATCH_SIZE)
+    mask[0, 0, 64, 10:118] = 1  # the middles are rows 62 and 66
+    assert mask[0, 0, cell_pixels(4)[:, 1], cell_pixels(4)[:, 0]].sum() == 0
+    assert object_pixels(mask, 4)[1].sum() == 28  # of columns 8 to 119
+
+
 def test_points_project_back_to_their_pixels() -> None:
     expected = cell_pixels(8).double().expand(3, -1, -1)
     torch.testing.assert_close(project_points(some_points(), DISTANCE), expected)
+    each = torch.stack([cell_pixels(8).roll(shift, 0) for shift in range(3)])
+    depth = torch.zeros(3, 1, PATCH_SIZE, PATCH_SIZE, dtype=torch.float64)
+    points = surface_points(depth, DISTANCE, each)
+    torch.testing.assert_close(project_points(points, DISTANCE), each.double())
 
 
 def test_moves_are_those_of_pose_action() -> None:

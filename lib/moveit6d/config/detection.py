@@ -181,9 +181,9 @@ class VerificationConfig:
         intercept: intercept of the regression.
     """
 
-    confidence: float = 1.32
-    similarity: float = 5.81
-    intercept: float = -6.92
+    confidence: float = 1.86
+    similarity: float = 4.74
+    intercept: float = -7.26
 
 
 @dataclass(frozen=True)

@@ -35,9 +35,9 @@ class StateConfig:
             tracked; until then it is uncertain.
     """
 
-    confidence: float = 7.5
-    agreement: float = 2.8
-    intercept: float = -5.1
+    confidence: float = 9.7
+    agreement: float = 1.6
+    intercept: float = -6.6
     usual_agreement: float = 0.4
     confirmed: float = 0.5
     doubted: float = 0.3

@@ -19,7 +19,7 @@ from ..observation import GREY, Observation
 from .blocks import Residual, attention_pool, conv_block
 from .correlation import DAMPING, HEAD_SCALE, CorrelationOutput, dense_prediction
 from .dense_prediction import DensePrediction
-from .least_squares import jacobian, solve_delta, surface_points
+from .least_squares import jacobian, object_pixels, solve_delta, surface_points
 from .matching import (
     centred,
     correlate,
@@ -215,8 +215,8 @@ class CompactCorrelationNet(nn.Module):
         self, observation: Observation, depth: Tensor, cells: DensePrediction
     ) -> tuple[Tensor, Tensor]:
         """The delta (B, 6) that the cells' answers amount to, and what is left (B, cells)."""
-        points = surface_points(depth, observation.distance, self.fine_pixels)
-        covered = observation.mask[:, 0, self.fine_pixels[:, 1], self.fine_pixels[:, 0]]
+        pixels, covered = object_pixels(observation.mask, 4)
+        points = surface_points(depth, observation.distance, pixels)
         weight = torch.sigmoid(cells.weight).flatten(1) * covered
         moves = cells.displacement.flatten(2).mT.float()
         slopes = jacobian(points, observation.distance)

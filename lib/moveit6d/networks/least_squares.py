@@ -10,6 +10,7 @@ import math
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE
 from ..geometry.rotation import exp_so3
@@ -26,15 +27,33 @@ def cell_pixels(stride: int) -> Tensor:
     return torch.stack([x, y], -1).reshape(-1, 2)
 
 
+def object_pixels(mask: Tensor, stride: int) -> tuple[Tensor, Tensor]:
+    """The object's pixel (x, y) nearest to the middle of each cell of a stride-s grid, row by row.
+
+    `mask` (B, 1, 128, 128) → whole numbers (B, cells, 2), and (B, cells) 1 where there is one, 0
+    where the object has none in the cell; the pixel is that of `cell_pixels` there. A pen may pass
+    beside the middles of most of its cells, and its tips nearly always do.
+    """
+    line = (torch.arange(PATCH_SIZE, device=mask.device) % stride - stride // 2).square()
+    nearness = 1 / (1 + line[:, None] + line).to(mask)
+    outside = 1e-3  # less near than any pixel of the object
+    weighed = nearness * (mask + outside)
+    index = functional.max_pool2d(weighed, stride, return_indices=True)[1].flatten(1)
+    pixels = torch.stack([index % PATCH_SIZE, index // PATCH_SIZE], -1)
+    return pixels, mask.flatten(1).gather(1, index)
+
+
 def surface_points(depth: Tensor, distance: Tensor, pixels: Tensor) -> Tensor:
     """Surface points under pixels, virtual camera's frame, diameters: (B, M, 3).
 
     `depth` (B, 1, 128, 128) relative to the centre and `distance` (B,), as in `Observation`;
-    `pixels` (M, 2) whole numbers. Where there is no surface the point lies at the centre's depth.
+    `pixels` (M, 2) or (B, M, 2) whole numbers. Where there is no surface the point lies at the
+    centre's depth.
     """
-    z = depth[:, 0, pixels[:, 1], pixels[:, 0]] + distance[:, None]
+    x, y = pixels.expand(len(depth), -1, -1).unbind(-1)
+    z = depth.flatten(1).gather(1, y * PATCH_SIZE + x) + distance[:, None]
     focal = OBJECT_SIZE * distance[:, None, None]
-    rays = (pixels.to(depth)[None] - _CENTRE) / focal
+    rays = (pixels.to(depth) - _CENTRE) / focal
     return torch.cat([rays * z[..., None], z[..., None]], -1)
 
 

@@ -14,6 +14,7 @@ from moveit6d.synthesis.augmentation.camera_effects import (
     random_gaussian_blur,
     random_lens_error,
     random_noise,
+    random_object_motion,
     random_radial_blur,
     random_sharpening,
 )
@@ -26,6 +27,7 @@ from moveit6d.synthesis.augmentation.config import (
     LensErrorConfig,
     MotionBlurConfig,
     NoiseConfig,
+    ObjectMotionConfig,
     SharpeningConfig,
 )
 from tests.support.pairs import preset, rng
@@ -77,6 +79,19 @@ def test_our_blur_is_defocus_and_in_half_of_it_motion() -> None:
     assert moved.mean() == pytest.approx(0.5, abs=0.07)
     expected = (across**2 + 64 / 12).sqrt()[moved > 0]
     assert (along[moved > 0] / expected).mean() == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_part_of_the_objects_moves_in_one_direction() -> None:
+    config = ObjectMotionConfig(probability=0.5, length=(10.0, 10.0))
+    before = dots(600).expand(-1, 4, -1, -1)
+    after = random_object_motion(before, config, rng())
+    assert after.flatten(2).sum(2) == pytest.approx(torch.ones(600, 4), abs=1e-4)
+    moved = changed(before, after)
+    assert moved.mean() == pytest.approx(0.5, abs=0.07)
+    along, across = widths(after[moved > 0])
+    # A uniform motion of 10 pixels, cut off at 6 to either side.
+    assert across.max() < 0.8 and along.min() > 2.3
+    assert random_object_motion(before, ObjectMotionConfig(), rng()) is before
 
 
 def test_radial_blur_is_in_a_quarter_and_leaves_the_middle_sharp() -> None:

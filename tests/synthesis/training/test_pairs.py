@@ -196,3 +196,14 @@ def test_the_paper_s_photos_are_neither_blurred_nor_recoloured() -> None:
     untouched = (batch.clear * (1 - batch.true_mask))[:, :, :6, :6] > 0.5
     assert untouched.float().mean() > 0.3
     assert (corner == 100 / 255)[untouched.expand_as(corner)].float().mean() > 0.9
+
+
+def test_parts_hold_every_pair_once_with_its_views() -> None:
+    config = preset("linear_light")
+    whole = PairGenerator(list(objects()), list(photos()), config, 0).batch(10)
+    first, second = whole.parts(2)
+    assert whole.views is not None and first.views is not None and second.views is not None
+    assert torch.equal(first.mesh, whole.mesh[::2]) and torch.equal(second.mesh, whole.mesh[1::2])
+    assert torch.equal(second.observation.image, whole.observation.image[1::2])
+    assert torch.equal(second.views.image, whole.views.image[1::2])
+    assert len(first.views.image) == config.views.count(5), "and so those of the first pairs"

@@ -24,6 +24,7 @@ from .config import (
     LensErrorConfig,
     MotionBlurConfig,
     NoiseConfig,
+    ObjectMotionConfig,
     RadialBlurConfig,
     SharpeningConfig,
 )
@@ -31,8 +32,10 @@ from .random_source import RandomSource
 
 SHARPEST = 0.2  # pixels: standard deviation of the narrowest blur that a kernel can show
 BLACK = 1e-4  # of full white: what no pixel falls below
+MOVING = 0.5  # pixels: standard deviation of the blur across a motion
 RADIUS = 6  # pixels: of the kernels, so that the cost of a blur does not depend on its width
-GROUPS = 4  # of a batch, each with a resolution of its own
+GROUPS = 4  # of a batch at least, each with a resolution of its own
+LARGEST_GROUP = 128
 
 
 def random_blur(image: Tensor, config: BlurConfig, rng: RandomSource) -> Tensor:
@@ -54,6 +57,20 @@ def motion_blur_lengths(count: int, config: MotionBlurConfig, rng: RandomSource)
     if config.length_sigma > 0:
         return rng.normal(count).abs() * config.length_sigma * PATCH_SIZE
     return rng.uniform(count, between=config.length)
+
+
+def random_object_motion(layer: Tensor, config: ObjectMotionConfig, rng: RandomSource) -> Tensor:
+    """Premultiplied layers (B, 4, H, W), a part of them blurred by a motion of their own."""
+    if not config.probability:
+        return layer
+
+    def blurred(part: Tensor) -> Tensor:
+        count = len(part)
+        length = rng.uniform(count, between=config.length)
+        angle = rng.uniform(count, between=(0.0, 3.14159))
+        return blur.motion_blur(part, torch.full_like(length, MOVING), length, angle, RADIUS)
+
+    return _in_part(layer, config.probability, rng, blurred)
 
 
 def random_radial_blur(image: Tensor, config: RadialBlurConfig, rng: RandomSource) -> Tensor:
@@ -111,6 +128,7 @@ def random_digitization(
     group of the batch has one resolution.
     """
     size = image.shape[-1]
+    groups = max(groups, -(-len(image) // LARGEST_GROUP))
     parts = []
     for part, exponent in zip(image.chunk(groups), gamma.chunk(groups), strict=True):
         small = part

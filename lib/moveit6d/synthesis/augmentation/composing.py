@@ -25,6 +25,7 @@ from .camera_effects import (
     random_gaussian_blur,
     random_lens_error,
     random_noise,
+    random_object_motion,
     random_radial_blur,
     random_sharpening,
 )
@@ -88,7 +89,8 @@ class Composer:
         background = to_linear(self._photos(batch), gamma)
         background = random_gaussian_blur(background, augment.background_blur, rng)
         background = self._cluttered(background, layer)
-        picture = over(background, self._camera_layer(soft_edge(layer)))
+        moving = random_object_motion(soft_edge(layer), augment.object_motion, rng)
+        picture = over(background, self._camera_layer(moving))
         occluders = self._occluders(layer, gamma)
         picture, occlusion = occlude(picture, occluders, augment.occlusion, rng)
         if self.hands is not None:

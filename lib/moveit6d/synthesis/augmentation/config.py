@@ -128,6 +128,19 @@ class BlurConfig:
 
 
 @dataclass(frozen=True)
+class ObjectMotionConfig:
+    """Linear motion blur of the object alone, which moves in front of what stands still.
+
+    Args:
+        probability: of such a motion.
+        length: of the blur.
+    """
+
+    probability: float = 0.0
+    length: Range = (0.0, 16.0)
+
+
+@dataclass(frozen=True)
 class RadialBlurConfig:
     """Radial (zoom) blur about the middle of the crop.
 
@@ -249,6 +262,7 @@ class AugmentConfig:
         background_blur: backgrounds that are out of focus.
         cast_shadow: the edge of a shadow.
         blur: defocus and motion blur.
+        object_motion: motion blur of the object alone.
         radial_blur: zoom blur.
         lens_error: lens and intrinsics that differ from the calibrated ones.
         downsampling: a lower resolution.
@@ -268,6 +282,7 @@ class AugmentConfig:
     background_blur: GaussianBlurConfig = field(default_factory=GaussianBlurConfig)
     cast_shadow: CastShadowConfig = field(default_factory=CastShadowConfig)
     blur: BlurConfig = field(default_factory=BlurConfig)
+    object_motion: ObjectMotionConfig = field(default_factory=ObjectMotionConfig)
     radial_blur: RadialBlurConfig = field(default_factory=RadialBlurConfig)
     lens_error: LensErrorConfig = field(default_factory=LensErrorConfig)
     downsampling: DownsamplingConfig = field(default_factory=DownsamplingConfig)

@@ -8,7 +8,7 @@ objects: a CPU, or a GPU that draws hundreds of pairs at once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -149,6 +149,25 @@ class TrainingBatch:
         }
         views = None if self.views is None else self.views.to(device)
         return TrainingBatch(mesh=self.mesh, views=views, **moved)
+
+    def parts(self, count: int) -> Iterator[TrainingBatch]:
+        """Every `count`-th pair, from the first, the second …: `count` batches.
+
+        Views stay with their pairs, which are the first of each part as of the whole.
+        """
+        for first in range(count):
+            chosen = slice(first, None, count)
+            parts = {
+                item.name: getattr(self, item.name)[chosen]
+                for item in fields(self)
+                if item.name not in ("observation", "views")
+            }
+            seen = Observation(
+                *(getattr(self.observation, item.name)[chosen] for item in fields(Observation))
+            )
+            yield TrainingBatch(
+                observation=seen, views=None if self.views is None else self.views[chosen], **parts
+            )
 
 
 class PairGenerator:

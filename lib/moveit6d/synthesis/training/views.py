@@ -75,6 +75,10 @@ class ViewBatch:
         """The same views on another device."""
         return ViewBatch(*(getattr(self, item.name).to(device) for item in fields(self)))
 
+    def __getitem__(self, chosen: slice) -> ViewBatch:
+        """A part of the views."""
+        return ViewBatch(*(getattr(self, item.name)[chosen] for item in fields(self)))
+
 
 def draw_views(
     pairs: TrainingBatch, start: Pose, truth: Pose, diameter: Tensor, objects: ObjectSet,
