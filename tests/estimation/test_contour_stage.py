@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from moveit6d.actions import PoseAction, pose_delta
-from moveit6d.config import ActionMode, ContourConfig, TrackerConfig
+from moveit6d.config import ActionMode, ContourConfig
 from moveit6d.estimation import PoseEstimator, StopReason, Target
 from moveit6d.estimation.contour_stage import refine_result
 from moveit6d.estimation.results import Refined, starts_of
@@ -15,7 +15,7 @@ from moveit6d.geometry.pose import Pose
 from moveit6d.policies import OraclePolicy
 from moveit6d.rendering import make_renderer
 from tests.support import pictures
-from tests.support.configs import NO_CONTOUR
+from tests.support.configs import ALWAYS_CONTOUR, NO_CONTOUR
 
 TRUTH = Pose(torch.eye(3).double(), torch.tensor([0.02, -0.01, 0.5], dtype=torch.float64))
 
@@ -49,6 +49,20 @@ def test_only_pose_and_time_change(near: Target) -> None:
     assert same == replace(given, centred=None)
 
 
+@pytest.mark.parametrize(("confidence", "moves"), [(0.89, True), (0.9, False)])
+def test_a_pose_of_which_the_network_is_sure_stays(
+    near: Target, confidence: float, moves: bool
+) -> None:
+    (start,) = starts_of([near])
+    given = Refined(start.centred, 3, StopReason.STOP_ACTION, confidence, 5.0)
+    found, histograms = refine_result(
+        start.frame, start.mesh, given, make_renderer(), ContourConfig()
+    )
+    assert found.centred is not None and start.centred is not None
+    assert torch.equal(found.centred.translation, start.centred.translation) != moves
+    assert histograms is not None and found.contour_agreement is not None
+
+
 def test_a_failed_result_stays(near: Target) -> None:
     (start,) = starts_of([near])
     failed = Refined(None, 1, StopReason.FAILED, 0.0, 5.0, "lost")
@@ -62,7 +76,7 @@ def test_an_estimator_polishes_unless_it_is_told_not_to(near: Target) -> None:
         PoseEstimator(near.mesh, near.camera, policy=policy, config=config)
         .refine(near.image, near.pose)
         .pose
-        for config in (TrackerConfig(), NO_CONTOUR)
+        for config in (ALWAYS_CONTOUR, NO_CONTOUR)
     )
     assert off(plain, near.mesh) == pytest.approx(8**0.5, abs=0.1)
     assert off(refined, near.mesh) < 0.8 * off(plain, near.mesh)

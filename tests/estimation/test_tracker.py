@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from moveit6d.actions import PoseAction, pose_delta
-from moveit6d.config import ActionMode, TrackerConfig
+from moveit6d.config import ActionMode
 from moveit6d.contour import ColourHistograms, refine_contour
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseTracker, StopReason
@@ -21,7 +21,7 @@ from moveit6d.observation import Observation
 from moveit6d.policies import LoopState, OraclePolicy
 from moveit6d.rendering.backends import make_renderer
 from tests.support import pictures
-from tests.support.configs import LOOP_ONLY, LOW_CONFIDENCE, NO_CONTOUR
+from tests.support.configs import ALWAYS_CONTOUR, LOOP_ONLY, LOW_CONFIDENCE, NO_CONTOUR
 from tests.support.near_sighted import NearSighted
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
@@ -204,7 +204,7 @@ def test_the_contour_is_refined_after_the_policy(brick: Mesh) -> None:
             pictures.CAMERA,
             brick.outer(truth),
             policy=policy,
-            config=TrackerConfig() if contour else NO_CONTOUR,
+            config=ALWAYS_CONTOUR if contour else NO_CONTOUR,
         )
         result = tracker.update(frame)
         assert result.pose is not None

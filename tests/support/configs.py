@@ -7,6 +7,7 @@ from moveit6d.config import ContourConfig, LoopConfig, MultiStartConfig, Tracker
 LOW_CONFIDENCE = TrackerConfig().low_confidence
 HIGH_CONFIDENCE = TrackerConfig().high_confidence
 NO_CONTOUR = TrackerConfig(contour=ContourConfig(enabled=False))
+ALWAYS_CONTOUR = TrackerConfig(contour=ContourConfig(moves_below=1.1))  # however sure a policy is
 LOOP_ONLY = TrackerConfig(
     contour=ContourConfig(enabled=False), multi_start=MultiStartConfig(enabled=False)
 )

@@ -88,6 +88,8 @@ class ContourConfig:
 
     Args:
         enabled: refine the contour at all.
+        moves_below: confidence of the network from which its pose stays as it is, and the contour
+            says only how well it agrees; above 1: never.
         scales: pixels a segment of the correspondence lines, one Gauss-Newton step each; one
             rendering for each inner list.
         lines: correspondence lines at most.
@@ -116,6 +118,7 @@ class ContourConfig:
     """
 
     enabled: bool = True
+    moves_below: float = 0.9
     scales: tuple[tuple[int, ...], ...] = ((2, 2), (1, 1))
     lines: int = 200
     min_lines: int = 20

@@ -27,7 +27,8 @@ def refine_result(
     """A result in a frame after contour refinement, and the frame's colour histograms there.
 
     `histograms` are those of frames before; without them the image's own must do. A failed result
-    stays as it is, and so does every result if the refinement is not enabled.
+    stays as it is, and so does every result if the refinement is not enabled. One of which the
+    network is sure (`ContourConfig.moves_below`) keeps its pose.
     """
     if result.centred is None or not config.enabled:
         return result, None
@@ -45,7 +46,7 @@ def refine_result(
     spent = (time.perf_counter() - begin) * 1e3
     refined = replace(
         result,
-        centred=found.pose,
+        centred=found.pose if result.confidence < config.moves_below else result.centred,
         milliseconds=result.milliseconds + spent,
         contour_agreement=found.agreement,
     )
