@@ -34,7 +34,6 @@ HANDS = 96  # hands and cards, made once
 CARDS = 0.35  # share of them that are cards
 DRAWN = 4  # batches drawn together: small operations cost a GPU about as much as large ones
 RENEWED = 16  # procedural objects replaced at most after so many batches
-SHAPE_SHARE = 1.0  # pairs of procedural objects for each pair of a mesh
 
 
 class BankStream(IterableDataset[TrainingBatch]):
@@ -75,11 +74,8 @@ class BankStream(IterableDataset[TrainingBatch]):
         renderer = BankRenderer(bank, self.run)
         ends = [len(files), len(files) + len(shapes), len(packed)]
         slots = [range(start, end) for start, end in zip([0, *ends], ends, strict=False)]
-        # As with few procedural shapes that are renewed often: their share of the pairs matters.
-        weights = [float(len(files)), SHAPE_SHARE * max(1, len(files))]
-        objects = BankObjects(
-            renderer, slots[:2] if files else slots[1:2], weights if files else [1.0]
-        )
+        groups = slots[:2] if files else slots[1:2]  # of meshes as many pairs as of shapes
+        objects = BankObjects(renderer, groups, [1.0] * len(groups))
         kept = BankHands(BankObjects(renderer, [slots[2]], [1.0]), hands, slots[2][0])
         photos = PhotoBank(source.load_photos(random), self.device)
         generator = PairGenerator(

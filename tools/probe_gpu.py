@@ -9,7 +9,6 @@ import statistics
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +31,7 @@ from moveit6d.synthesis.training.pairs import TrainingBatch
 
 CUDA = torch.device("cuda")
 BATCHES = 24
+PAIRS = 12  # in a picture, about
 
 
 def main(folder: Path, output: Path) -> None:
@@ -118,19 +118,8 @@ def _time(stream: Iterator[TrainingBatch], batch: TrainingBatch, module: PoseAct
 
 
 def _picture(batch: TrainingBatch, path: Path) -> None:
-    """A contact sheet of the first pairs."""
-    host = batch.to(torch.device("cpu"))
-    seen = host.observation
-    seen = Observation(
-        seen.image[:12], seen.rendering[:12], seen.depth[:12], seen.mask[:12], seen.distance[:12]
-    )
-    few = replace(
-        host,
-        observation=seen,
-        true_mask=host.true_mask[:12],
-        clear=host.clear[:12],
-        views=None,
-    )
+    """A contact sheet of a few pairs."""
+    few = next(batch.parts(len(batch.mesh) // PAIRS)).to(torch.device("cpu"))
     Image.fromarray(contact_sheet(few)).save(path)
 
 

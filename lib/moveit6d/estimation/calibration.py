@@ -45,8 +45,8 @@ def depth_bias(exact: Start, policy: Policy, renderer: Renderer, config: Tracker
     if not past:
         return 0.0
     # Of slender objects the depth that comes out depends on where the update started.
-    trusted = 1 / (1 + (np.std(past) / settings.disagreement) ** 4)
-    bias = settings.share * trusted * np.mean(past)
+    agreement = 1 / (1 + (np.std(past) / settings.disagreement) ** 4)
+    bias = settings.share * agreement * np.mean(past)
     return float(np.clip(bias, -settings.max_bias, settings.max_bias))
 
 
