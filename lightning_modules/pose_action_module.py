@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import time
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,9 @@ class PoseActionModule(pl.LightningModule):
             line to 2 % over the last `decay` of them, so that a fit can be made longer while it
             runs; or `paper`: 5 % less every 1,000.
         total_steps: length of the schedule.
-        decay: share of the schedule in which `stable_decay` goes down.
+        restarts: steps at which the schedule begins anew, warm-up and all (Loshchilov and Hutter,
+            SGDR, ICLR 2017): where a fit that had come to its end was made longer.
+        decay: share of the schedule, or of each part of it, in which `stable_decay` goes down.
         minutes: length of the schedule in time, if that ends first: for machines that are lent.
         matching_steps: first steps in which only the matching reaches the encoder.
         weights: weights of the loss terms.
@@ -66,6 +69,7 @@ class PoseActionModule(pl.LightningModule):
         learning_rate: float = 1.5e-3,
         schedule: str = "cosine",
         total_steps: int = 20_000,
+        restarts: tuple[int, ...] = (),
         decay: float = 0.25,
         minutes: float | None = None,
         warmup_steps: int = 40,
@@ -82,12 +86,18 @@ class PoseActionModule(pl.LightningModule):
             raise InputError(f"model.schedule is {schedule!r}, must be one of {schedules}.")
         if not 0 < decay <= 1:
             raise InputError(f"model.decay is {decay}, must be above 0 and 1 at most.")
+        ends = (*restarts, total_steps)
+        if restarts and any(end <= begin for begin, end in pairwise((0, *ends))):
+            raise InputError(
+                f"model.restarts is {list(restarts)}: its steps must go up, all of them between 0 "
+                f"and model.total_steps ({total_steps})."
+            )
         self.network = _network(network, init_from)
         self.teacher = None if teacher is None else Teacher(teacher, self.network)
         self.teacher_steps = teacher_steps
         convert_conv2d_weight_memory_format(self.network, torch.channels_last)  # faster on CPUs
         self.learning_rate, self.schedule = learning_rate, schedule
-        self.total_steps, self.warmup_steps = total_steps, warmup_steps
+        self.ends, self.warmup_steps = ends, warmup_steps
         self.decay = decay
         self.minutes, self._begin = minutes, time.monotonic()
         self.weight_decay, self.matching_steps = weight_decay, matching_steps
@@ -213,10 +223,12 @@ class PoseActionModule(pl.LightningModule):
         }
 
     def _rate(self, step: int) -> float:
-        start = min(1.0, (step + 1) / max(1, self.warmup_steps))
+        begin = max([0, *(end for end in self.ends[:-1] if end <= step)])
+        start = min(1.0, (step - begin + 1) / max(1, self.warmup_steps))
         if self.schedule == "paper":
-            return float(start * 0.95 ** (step / 1000))
-        share = min(1.0, step / self.total_steps)
+            return float(start * 0.95 ** ((step - begin) / 1000))
+        end = next((end for end in self.ends if end > begin), step + 1)
+        share = min(1.0, (step - begin) / (end - begin))
         if self.minutes is not None:
             share = min(1.0, max(share, (time.monotonic() - self._begin) / 60 / self.minutes))
         if self.schedule == "stable_decay":

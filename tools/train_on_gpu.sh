@@ -4,10 +4,11 @@
 #   bash train_on_gpu.sh probe            a minute: are the renderings right, how fast is each part
 #   bash train_on_gpu.sh MINUTES [args]   train that long; further arguments go to `moveit6d fit`
 #
-# Weights, checkpoint and log come out in $OUT (./out without it). The learning rate falls with time,
-# so that the training is whole however fast the machine is; leave a minute of the lease for what
-# comes before the first step and after the last one. To go on from an earlier checkpoint, put
-# it there as last.ckpt first. Needs PyTorch with CUDA, CuPy and Lightning; wheels/ brings the rest.
+# Weights, checkpoint and log come out in $OUT (./out without it). A `last.ckpt` that is put there
+# first is gone on from, so that several short leases make one fit. In the last of them, pass
+# `--model.minutes MINUTES`: the rest of the schedule ends in that time, however fast the machine is.
+# Leave a minute of a lease for what comes before the first step and after the last one. Needs
+# PyTorch with CUDA, CuPy and Lightning; wheels/ brings the rest.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 out=${OUT:-$here/out}
@@ -22,7 +23,21 @@ if [[ $1 == probe ]]; then
 fi
 minutes=$1
 shift
-limit=$(python3 -c "s = int(60 * float('$minutes')) + 2; print(f'00:{s // 3600:02d}:{s % 3600 // 60:02d}:{s % 60:02d}')")
+limit=$(python3 - "$minutes" "$out/last.ckpt" <<'PYTHON'
+import sys
+from datetime import timedelta
+from pathlib import Path
+
+import torch
+
+limit, checkpoint = timedelta(minutes=float(sys.argv[1])), Path(sys.argv[2])
+if checkpoint.exists():  # Lightning counts the time before it, too
+    known = torch.load(checkpoint, map_location="cpu", weights_only=False)["callbacks"]
+    limit += timedelta(seconds=known.get("Timer", {}).get("time_elapsed", {}).get("train", 0))
+seconds = int(limit.total_seconds()) + 2
+print(f"00:{seconds // 3600:02d}:{seconds % 3600 // 60:02d}:{seconds % 60:02d}")
+PYTHON
+)
 cat >/tmp/moveit6d-fit.py <<'PYTHON'
 import sys
 
@@ -35,6 +50,5 @@ python3 -W ignore /tmp/moveit6d-fit.py --config "$here/code/configs/fit/compact.
     --config "$here/code/configs/overlay/gpu_pairs.yaml" \
     --data.meshes "$here/meshes" --data.photos "$here/photos" --output "$out" \
     --trainer.logger false --trainer.limit_val_batches 0 --trainer.max_time "$limit" \
-    --trainer.max_steps 1000000 --model.total_steps 1000000 --model.minutes "$minutes" \
     --model.teacher "$here/code/examples/correlation/multi_object.safetensors" \
-    --checkpoint.every_n_train_steps 500 --export.every_n_steps 500 "$@" 2>&1 | tee "$out/log.txt"
+    --checkpoint.every_n_train_steps 250 --export.every_n_steps 250 "$@" 2>&1 | tee "$out/log.txt"

@@ -106,3 +106,25 @@ def test_a_fit_of_which_every_step_is_left_out_ends_with_a_sentence(
     monkeypatch.setattr(pose_action_module, "MOST_LEFT_OUT", 2)
     with pytest.raises(InputError, match="left out 2 steps in a row"):
         _fit(_BrokenAt(0, 1, 2), 3)
+
+
+def test_a_schedule_begins_anew_at_its_restarts() -> None:
+    parts = PoseActionModule(
+        ActionNet(), schedule="stable_decay", total_steps=300, restarts=(100,), decay=0.5,
+        warmup_steps=10,
+    )  # fmt: skip
+    alone = PoseActionModule(
+        ActionNet(), schedule="stable_decay", total_steps=200, decay=0.5, warmup_steps=10
+    )
+    assert parts._rate(99) == pytest.approx(0.02)
+    assert parts._rate(100) == pytest.approx(0.1)  # warming up
+    assert parts._rate(150) == 1.0
+    assert [parts._rate(100 + step) for step in range(201)] == [
+        alone._rate(step) for step in range(201)
+    ]
+
+
+@pytest.mark.parametrize("restarts", [(0,), (300,), (200, 100)])
+def test_restarts_outside_of_the_schedule_are_refused(restarts: tuple[int, ...]) -> None:
+    with pytest.raises(InputError, match=r"model\.restarts .* between 0 and model\.total_steps"):
+        PoseActionModule(ActionNet(), total_steps=300, restarts=restarts)
