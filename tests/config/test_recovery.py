@@ -13,7 +13,7 @@ from moveit6d.errors import InputError
 @pytest.mark.parametrize(
     ("kind", "given", "message"),
     [
-        (StateConfig, {"doubted": 0.6}, "rejected ≤ doubted ≤ confirmed"),
+        (StateConfig, {"doubted": 0.8}, "rejected ≤ doubted ≤ confirmed"),
         (StateConfig, {"frames_to_lose": 0}, "1 or more"),
         (RecoveryConfig, {"interval": 0}, "interval and near_candidates must be 1 or more"),
         (RecoveryConfig, {"max_milliseconds": -1.0}, "must not be negative"),

@@ -31,8 +31,8 @@ def test_an_object_is_lost_after_so_many_frames_in_a_row() -> None:
 
 def test_a_lost_object_comes_back_by_confirmation() -> None:
     lost = TrackingState.LOST
-    assert states(0.3, 0.5, 0.9, 0.9, begin=lost) == ["lost", "uncertain", "uncertain", "tracking"]
-    assert states(0.1, 0.39, begin=lost) == ["lost", "lost"]
+    assert states(0.1, 0.3, 0.9, 0.9, begin=lost) == ["lost", "uncertain", "uncertain", "tracking"]
+    assert states(0.1, 0.19, begin=lost) == ["lost", "lost"]
 
 
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=40))
@@ -58,5 +58,5 @@ def test_both_kinds_of_evidence_count(confidence: float, agreement: float) -> No
 
 def test_confidence_alone_does_not_make_a_track() -> None:
     # A network that is for something whose contour fits nowhere, or well.
-    assert probability_of(StateConfig(), 0.6, 0.0) < StateConfig().confirmed
-    assert probability_of(StateConfig(), 0.6, 0.5) > StateConfig().confirmed
+    assert probability_of(StateConfig(), 0.7, 0.0) < StateConfig().confirmed
+    assert probability_of(StateConfig(), 0.7, 0.5) > StateConfig().confirmed

@@ -181,9 +181,9 @@ class VerificationConfig:
         intercept: intercept of the regression.
     """
 
-    confidence: float = 1.86
-    similarity: float = 4.74
-    intercept: float = -7.26
+    confidence: float = 1.54
+    similarity: float = 4.92
+    intercept: float = -6.76
 
 
 @dataclass(frozen=True)

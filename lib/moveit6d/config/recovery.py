@@ -29,18 +29,19 @@ class StateConfig:
         confirmed: probability from which an object is tracked.
         doubted: probability below which a tracked object becomes uncertain. Between the two the
             state stays what it was.
-        rejected: probability below which a frame counts as one without the object.
+        rejected: probability below which a frame counts as one without the object, and an object
+            that was found is not followed.
         frames_to_lose: so many rejected frames in a row, and the object is lost.
         frames_to_find: so many confirmed frames in a row, and an object that was found again is
             tracked; until then it is uncertain.
     """
 
-    confidence: float = 9.7
-    agreement: float = 1.6
-    intercept: float = -6.6
+    confidence: float = 9.45
+    agreement: float = 1.28
+    intercept: float = -6.21
     usual_agreement: float = 0.4
-    confirmed: float = 0.5
-    doubted: float = 0.3
+    confirmed: float = 0.7
+    doubted: float = 0.6
     rejected: float = 0.25
     frames_to_lose: int = 3
     frames_to_find: int = 1

@@ -63,7 +63,7 @@ class StateMachine:
         tracked, lost = self.state is TrackingState.TRACKING, self.state is TrackingState.LOST
         if self._rejected >= self.config.frames_to_lose:
             return TrackingState.LOST
-        if lost and probability < self.config.doubted:
+        if lost and probability < self.config.rejected:
             return TrackingState.LOST
         if self._confirmed >= (1 if tracked else self.config.frames_to_find):
             return TrackingState.TRACKING
