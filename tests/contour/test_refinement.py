@@ -124,3 +124,15 @@ def test_the_jacobian_is_that_of_the_actions(box: Mesh, truth: Pose) -> None:
         step[axis] = 1e-4
         slope = (pixels(step) - pixels(-step)) / 2e-4
         np.testing.assert_allclose(found[:, :, axis], slope, atol=1e-5)
+
+
+def test_a_pose_that_is_not_to_move_is_only_judged(box: Mesh, truth: Pose) -> None:
+    image, renderer = picture(box, truth, mottled(0)), make_renderer()
+    aside = moved(truth, box, 4.0, 0, 0, 0, 0, 0)
+    judged = [
+        refine_contour(image, K, box, pose, renderer, known(box, truth), moves=False)
+        for pose in (truth, aside)
+    ]
+    assert torch.equal(judged[1].pose.translation, aside.translation)
+    assert judged[0].agreement > 0.8 > judged[1].agreement + 0.2
+    assert judged[1].histograms is not None

@@ -118,7 +118,7 @@ class ContourConfig:
     """
 
     enabled: bool = True
-    moves_below: float = 0.9
+    moves_below: float = 0.95
     scales: tuple[tuple[int, ...], ...] = ((2, 2), (1, 1))
     lines: int = 200
     min_lines: int = 20

@@ -96,11 +96,13 @@ def refine_contour(
     histograms: ColourHistograms | None = None,
     config: ContourConfig = DEFAULT,
     lens: Lens | None = None,
+    moves: bool = True,
 ) -> ContourRefinement:
     """Fit the contour of a mesh near a centred pose to an image (3, H, W) taken through `lens`.
 
     `histograms` are what the object and its surroundings looked like before; without them those of
-    this very image at the given pose must do.
+    this very image at the given pose must do. Unless it `moves`, the pose stays, and only how well
+    it fits is found out, in a third of the time.
     """
     patch = _crop(image, intrinsics, mesh, pose, renderer, lens)
     current = patch.virtual(pose)
@@ -109,17 +111,19 @@ def refine_contour(
     if known is None:
         return ContourRefinement(pose, 0.0, None)
     odds, agreement = known.log_odds(patch.image, patch.seen, config), 0.0
-    for turn, scales in enumerate(config.scales):
+    every = config.scales if moves else (config.scales[-1][-1:],)
+    for turn, scales in enumerate(every):
         if turn:
             mask, depth = patch.render(current)
         contour = find_contour(mask, config.lines, config.normal_blur)
         if contour is None or len(contour.points) < config.min_lines:
             return ContourRefinement(pose, 0.0, None)
         focal = float(patch.view.intrinsics[0, 0])
-        current, agreement = _fit(odds, contour, depth, current, focal, scales, config)
+        moved, agreement = _fit(odds, contour, depth, current, focal, scales, config)
+        current = moved if moves else current
     if not np.abs(current.moved).max() <= config.max_delta:  # nor numbers that are not finite
         return ContourRefinement(pose, 0.0, None)
-    found = patch.view.to_real(current.pose())
+    found = patch.view.to_real(current.pose()) if moves else pose
     after = estimate_histograms(patch.image, mask, patch.seen, config)
     return ContourRefinement(found, agreement, after)
 

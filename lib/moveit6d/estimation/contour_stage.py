@@ -42,11 +42,12 @@ def refine_result(
         histograms,
         config,
         frame.camera.lens,
+        moves=result.confidence < config.moves_below,
     )
     spent = (time.perf_counter() - begin) * 1e3
     refined = replace(
         result,
-        centred=found.pose if result.confidence < config.moves_below else result.centred,
+        centred=found.pose,
         milliseconds=result.milliseconds + spent,
         contour_agreement=found.agreement,
     )
