@@ -49,7 +49,7 @@ def test_only_pose_and_time_change(near: Target) -> None:
     assert same == replace(given, centred=None)
 
 
-@pytest.mark.parametrize(("confidence", "moves"), [(0.89, True), (0.9, False)])
+@pytest.mark.parametrize(("confidence", "moves"), [(0.94, True), (0.95, False)])
 def test_a_pose_of_which_the_network_is_sure_stays(
     near: Target, confidence: float, moves: bool
 ) -> None:
