@@ -102,7 +102,7 @@ def refine_contour(
 
     `histograms` are what the object and its surroundings looked like before; without them those of
     this very image at the given pose must do. Unless it `moves`, the pose stays, and only how well
-    it fits is found out, in a third of the time.
+    it fits is found out, in six tenths of the time.
     """
     patch = _crop(image, intrinsics, mesh, pose, renderer, lens)
     current = patch.virtual(pose)
