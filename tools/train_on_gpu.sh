@@ -5,7 +5,7 @@
 #   bash train_on_gpu.sh MINUTES [args]   train that long; further arguments go to `moveit6d fit`
 #
 # Weights, checkpoint and log come out in $OUT (./out without it). A `last.ckpt` that is put there
-# first is gone on from, so that several short leases make one fit. In the last of them, pass
+# first is resumed from, so that several short leases make one fit. In the last of them, pass
 # `--model.minutes MINUTES`: the rest of the schedule ends in that time, however fast the machine is.
 # Leave a minute of a lease for what comes before the first step and after the last one. Needs
 # PyTorch with CUDA, CuPy and Lightning; wheels/ brings the rest.
@@ -23,16 +23,17 @@ if [[ $1 == probe ]]; then
 fi
 minutes=$1
 shift
-limit=$(python3 - "$minutes" "$out/last.ckpt" <<'PYTHON'
+limit=$(python3 - "$minutes" "$out" <<'PYTHON'
 import sys
 from datetime import timedelta
 from pathlib import Path
 
 import torch
 
-limit, checkpoint = timedelta(minutes=float(sys.argv[1])), Path(sys.argv[2])
-if checkpoint.exists():  # Lightning counts the time before it, too
-    known = torch.load(checkpoint, map_location="cpu", weights_only=False)["callbacks"]
+limit = timedelta(minutes=float(sys.argv[1]))
+checkpoints = sorted(Path(sys.argv[2]).glob("last*.ckpt"), key=lambda path: path.stat().st_mtime)
+if checkpoints:  # the fit resumes from the newest, and Lightning counts the time before it, too
+    known = torch.load(checkpoints[-1], map_location="cpu", weights_only=False)["callbacks"]
     limit += timedelta(seconds=known.get("Timer", {}).get("time_elapsed", {}).get("train", 0))
 seconds = int(limit.total_seconds()) + 2
 print(f"00:{seconds // 3600:02d}:{seconds % 3600 // 60:02d}:{seconds % 60:02d}")
