@@ -89,7 +89,7 @@ class ContourConfig:
     Args:
         enabled: refine the contour at all.
         moves_below: confidence of the network from which its pose stays as it is, and the contour
-            says only how well it agrees; above 1: never.
+            says only how well it agrees; above 1 it moves every pose.
         scales: pixels a segment of the correspondence lines, one Gauss-Newton step each; one
             rendering for each inner list.
         lines: correspondence lines at most.

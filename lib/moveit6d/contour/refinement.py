@@ -101,8 +101,8 @@ def refine_contour(
     """Fit the contour of a mesh near a centred pose to an image (3, H, W) taken through `lens`.
 
     `histograms` are what the object and its surroundings looked like before; without them those of
-    this very image at the given pose must do. Unless it `moves`, the pose stays, and only how well
-    it fits is found out, in six tenths of the time.
+    this very image at the given pose must do. Without `moves` the pose stays, and only how well
+    it fits is found out.
     """
     patch = _crop(image, intrinsics, mesh, pose, renderer, lens)
     current = patch.virtual(pose)
