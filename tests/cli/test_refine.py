@@ -258,6 +258,28 @@ def test_a_damaged_image_and_a_pose_out_of_sight_keep_what_was_given(
     assert "2 kept as given" in said.out
 
 
+def test_an_object_whose_pose_is_of_no_use_is_looked_for(
+    command: Callable[..., int],
+    rows: list[Estimate],
+    scene: Any,
+    tmp_path: Path,
+    capsys: Any,
+) -> None:
+    lost = replace(rows[3], pose=off(scene.pose(0), -0.4))  # behind the camera
+    assert command([lost]) == 0
+    (found,) = read_results(tmp_path / "refined.csv")
+    points = torch.from_numpy(scene.mesh.sample_points(100))
+    assert float(add(found.pose, scene.pose(0), points)) < 0.1 * scene.mesh.diameter
+    assert 0.3 < found.score < 1
+    said = capsys.readouterr()
+    assert "behind the camera" in said.err and "looked for in the whole image" in said.err
+    assert "0 kept as given" in said.out
+    assert command([lost], "--no_recovery") == 0
+    (kept,) = read_results(tmp_path / "refined.csv")
+    assert kept.score == 0.0 and "1 kept as given" in capsys.readouterr().out
+    np.testing.assert_allclose(kept.pose.translation, lost.pose.translation, atol=1e-9)
+
+
 def test_ctrl_c_keeps_the_images_done(
     dataset: BopDataset,
     command: Callable[..., int],

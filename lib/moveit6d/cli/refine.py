@@ -1,6 +1,6 @@
 """`moveit6d refine`: better poses from the poses of a BOP result file.
 
-Never detects: what the file does not list stays unlisted.
+Never adds a row: what the file does not list stays unlisted.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from .messages import note, progress
 
 if TYPE_CHECKING:
     from ..datasets.bop import BopDataset, Estimate
-    from ..estimation import TrackingResult
+    from ..estimation import TemplateStore, TrackingResult
     from ..geometry.mesh import Unit
     from ..policies import Policy
     from ..rendering.renderer import Renderer
@@ -50,8 +50,11 @@ file written:
   --output   (beside it OUTPUT.unfinished until all is done, which --resume goes on with)
              the same format; score is how likely the pose is within a tenth of the diameter
              (the confidence, times what the object's size in the image allows to know), time
-             the seconds spent on the whole image (reading it left out). A pose that cannot be
-             refined (out of sight, damaged image) is written as it was given, with score 0
+             the seconds spent on the whole image (reading it left out). If no row of an object
+             can be refined in an image (behind the camera, out of sight, far too near), the
+             object is looked for in all of it, as `moveit6d detect` does; score is then how
+             likely what was found is right. --no_recovery: it is not. A pose that still cannot
+             be refined (damaged image) is written as it was given, with score 0
 
 With --jobs N images are shared among N processes; with --ray among the machines of a cluster
 (needs moveit6d[ray], and the data set under the same path everywhere). The poses are the same.
@@ -195,11 +198,19 @@ def _dataset(root: Path, split: str, mesh_unit: Unit) -> BopDataset:
     return BopDataset(root, split, mesh_unit=mesh_unit)
 
 
+@lru_cache(maxsize=1)
+def _store() -> TemplateStore:
+    from ..estimation import TemplateStore
+    from ..estimation.detection import default_store
+
+    return TemplateStore(default_store())
+
+
 def refine_image(
     dataset: BopDataset, job: ImageJob, policy: Policy, renderer: Renderer
 ) -> list[Estimate]:
     """Refine the poses in one image; all of them carry the seconds of the whole image."""
-    from ..estimation import Target, refine_single
+    from ..estimation import Target, refine_single, search_lost_targets
     from ..frame import prepare_frame
 
     estimates = job.estimates
@@ -213,14 +224,26 @@ def refine_image(
     for first in range(0, len(targets), job.batch):
         some = targets[first : first + job.batch]
         results += refine_single(some, policy=policy, renderer=renderer, config=job.setting.config)
+    found = search_lost_targets(
+        targets,
+        results,
+        policy=policy,
+        renderer=renderer,
+        config=job.setting.config,
+        store=_store(),
+    )
     seconds = time.perf_counter() - start
     refined = []
-    for estimate, result in zip(estimates, results, strict=True):
+    for row, (estimate, result) in enumerate(zip(estimates, results, strict=True)):
         if result.pose is None:
-            note(f"scene {scene}, image {image}, object {estimate.object}: {result.error}")
+            searched = " It was looked for in the whole image." if row in found else ""
+            where = f"scene {scene}, image {image}, object {estimate.object}"
+            note(f"{where}: {result.error}{searched}")
+        one = found.get(row, result)
+        if one.pose is None:
             refined.append(replace(estimate, score=0.0, seconds=seconds))
         else:
-            refined.append(replace(estimate, pose=result.pose, score=result.score, seconds=seconds))
+            refined.append(replace(estimate, pose=one.pose, score=one.score, seconds=seconds))
     return refined
 
 

@@ -8,6 +8,7 @@ Never knows a network, only policies.
 from ..config import DetectorConfig, SeedDetectorConfig, SelectionCriterion, TrackerConfig
 from .detection import Detection, PoseDetector, SearchRegion, TemplateStore
 from .estimator import PoseEstimator, refine_single
+from .lost_targets import search_lost_targets
 from .refine import refine_batch
 from .results import StopReason, Target, TrackingResult
 from .seed_detector import SeedDetection, SeedDetector
@@ -33,4 +34,5 @@ __all__ = [
     "TrackingState",
     "refine_batch",
     "refine_single",
+    "search_lost_targets",
 ]
