@@ -25,6 +25,7 @@ from moveit6d.errors import InputError
         (TemplateConfig, {"distance": 0.5}, "distance must be 1"),
         (MatchConfig, {"widths": (0.5, 0.1)}, "widths must be two positive shares"),
         (MatchConfig, {"views": 0}, "places and views must be 1"),
+        (MatchConfig, {"more_places": -1}, "more_places must be 0 or more"),
         (MatchConfig, {"neighbourhood": 4}, "neighbourhood must be an odd number of cells"),
         (MatchConfig, {"background": 1}, "samples and background must be 2"),
         (MatchConfig, {"samples": 1}, "samples and background must be 2"),

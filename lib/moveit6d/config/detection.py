@@ -62,6 +62,7 @@ class MatchConfig:
             shares of the image's shorter side.
         step: ratio of one width to the next.
         places: how many places are looked into, thinned so that no two of them are the same.
+        more_places: how many more, in single images, where no pose at the first ones is accepted.
         views: rotations that are kept of each place at most.
         visible: share of the object over which a view is compared with the image, where it agrees
             best; the rest may be hidden.
@@ -82,6 +83,7 @@ class MatchConfig:
     widths: tuple[float, float] = (0.1, 0.75)
     step: float = 1.22
     places: int = 20
+    more_places: int = 40
     views: int = 5
     visible: float = 0.4
     neighbourhood: int = 5
@@ -102,6 +104,10 @@ class MatchConfig:
             )
         if min(self.places, self.views) < 1:
             raise InputError("MatchConfig: places and views must be 1 or more.")
+        if self.more_places < 0:
+            raise InputError(
+                f"MatchConfig: more_places must be 0 or more, found {self.more_places}."
+            )
         if self.neighbourhood < 1 or self.neighbourhood % 2 == 0:
             raise InputError(
                 "MatchConfig: neighbourhood must be an odd number of cells, found "
@@ -196,7 +202,8 @@ class DetectorConfig:
         region: how closely candidates must agree with what is known of where the object is.
         verification: how likely a refined pose is right.
         stages: stages of the tournament: how many candidates are refined in each, and by how many
-            iterations. Where none is accepted, single images go on with as many candidates more.
+            iterations. Where none is accepted, single images go on with as many candidates of
+            `more_places`.
         half_turns: so many of the best candidates start turned by half about the axes of the
             object's box, too, in the last stage; 0 none.
         accepted: probability from which the object counts as found.

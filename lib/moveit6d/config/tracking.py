@@ -46,6 +46,9 @@ class MultiStartConfig:
         recovery_every: in a video: after those, one frame in so many has recovery starts, so that a
             lost object costs a few times the time of one that is followed, not twenty times.
         race: in a video: after one iteration only the most confident recovery start goes on.
+        below: in a single image: confidence below which other starts are tried.
+        evidence: in a single image: by how much more confident, in log odds, the best end of other
+            starts must be to be taken.
         around_start: in a single image: starts around the given pose.
         around_result: in a single image: starts around the refined pose.
         rounds: in a single image: how often to try.
@@ -59,11 +62,20 @@ class MultiStartConfig:
     recovery_first: int = 2
     recovery_every: int = 3
     race: bool = True
+    below: float = 0.9
+    evidence: float = 0.3
     around_start: PerturbationConfig = PerturbationConfig(6, (15.0, 15.0, 8.0), (5.0, 20.0))
     around_result: PerturbationConfig = PerturbationConfig(4, (3.0, 3.0, 3.0), (2.0, 6.0), True)
     rounds: int = 2
     batch_size: int = 32
     duplicate_delta: float = 3.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.below <= 1 or self.evidence < 0:
+            raise InputError(
+                "MultiStartConfig: below must be a confidence and evidence 0 or more, found "
+                f"{self.below} and {self.evidence}."
+            )
 
 
 @dataclass(frozen=True)

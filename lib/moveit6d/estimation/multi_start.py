@@ -20,12 +20,13 @@ from ..policies import Policy, mode_of
 from ..rendering.renderer import Renderer
 from .refine import refine_starts
 from .results import Refined, Start
+from .states import log_odds
 
 
 def refine_multi_start(
     starts: Sequence[Start], *, policy: Policy, renderer: Renderer, config: TrackerConfig
 ) -> list[Refined]:
-    """The loop for single images, and perturbed starts for every result of low confidence."""
+    """The loop for single images, and perturbed starts for every result that is in doubt."""
     results = refine_starts(starts, policy=policy, renderer=renderer, loop=config.loop)
     if not uses_multi_start(policy, config):
         return results
@@ -33,12 +34,21 @@ def refine_multi_start(
     for _ in range(config.multi_start.rounds):
         others = [
             _others(start, result, generator, config)
-            if result.confidence < config.high_confidence
+            if result.confidence < config.multi_start.below
             else []
             for start, result, generator in zip(starts, results, random, strict=True)
         ]
-        results = most_confident(results, others, policy=policy, renderer=renderer, config=config)
+        ends = most_confident(results, others, policy=policy, renderer=renderer, config=config)
+        results = [
+            end if _much_likelier(end, result, config.multi_start.evidence) else result
+            for end, result in zip(ends, results, strict=True)
+        ]
     return results
+
+
+def _much_likelier(end: Refined, result: Refined, evidence: float) -> bool:
+    """Whether an end is enough more confident than the result from the given start."""
+    return log_odds(end.confidence) - log_odds(result.confidence) > evidence
 
 
 def uses_multi_start(policy: Policy, config: TrackerConfig) -> bool:

@@ -32,16 +32,17 @@ from ..seed_detector import SeedDetection, SeedDetector
 from ..seeding import seed_poses
 from ..visibility import check_start, start_problem
 from .found import Detection, FoundPose
-from .places import PlaceFinder
+from .places import Place, PlaceFinder
 from .points import poses_from_points
 from .pyramid import Pyramid, ladder
 from .region import SearchRegion
 from .templates import TemplateBank, TemplateStore
 from .verification import Evidence, similarities
-from .views import Candidates, ViewMatcher, best_candidates
+from .views import Allowed, Candidates, ViewMatcher, best_candidates
 
-# Loops that run side by side. Small, because a search under a time limit goes on batch by batch.
-STEP_BATCH = 10
+# Iterations in a step, of loops that run side by side. Few, because a search under a time limit
+# goes on step by step.
+STEP_ITERATIONS = 10
 
 DEFAULT, DEFAULT_SEEDS = TrackerConfig(), SeedDetectorConfig()
 
@@ -171,7 +172,7 @@ class PoseDetector:
         are tried beside the candidates of the search, or instead of them. Each `next` does one step
         of ten milliseconds to some tenths of a second; the generator's value is the detection.
         Detectors of several objects may share the `pyramid` of an image (`pyramid_of`). With `most`
-        no more than so many poses are looked at.
+        no more than so many poses are looked at, at the first places only.
         """
         frame = prepare_frame(image, self.camera).undistorted
         known = region or SearchRegion()
@@ -180,32 +181,39 @@ class PoseDetector:
         poses = [pose for pose in poses if self._in_sight(pose, frame.camera)]
         anywhere = known.bounds is None
         stages = self.config.stages if anywhere else self.config.region.stages
-        size = stages[0][0] * instances
+        rounds: list[list[Place]] = [[]]
         if search:
             levels = self.pyramid_of(frame) if pyramid is None else pyramid
-            candidates = yield from self._search(frame, known, levels, size)
-            poses += self._poses(candidates, frame.camera)
-        poses = poses[:most]
+            count, more = self.config.match.places, self.config.match.more_places
+            wanted = count if most is not None else count + more
+            places = yield from self._places(frame, known, levels, wanted)
+            matcher = ViewMatcher(self.prepare().fine, levels, self.config.match)
+            rounds = [places[:count], places[count:]]
         results: list[FoundPose] = []
-        for first in range(0, len(poses), size):
-            refined = yield from self._tournament(
-                frame, poses[first : first + size], stages, instances
-            )
+        for some in rounds:
+            views = []
+            for place in some:
+                yield
+                views.append(matcher.views(place, self._allowed(frame.camera, known)))
+            candidates = best_candidates(views, stages[0][0] * instances)
+            poses = [*poses, *self._poses(candidates, frame.camera)][:most]
+            refined = yield from self._tournament(frame, poses, stages, instances)
             results += self._verified(frame, refined)
             yield
             found = self._answer(results, instances)
             if len(found.instances) >= instances:
                 break
+            poses = []
         return found
 
     def pyramid_of(self, frame: Frame) -> Pyramid:
         """The frame at all scales, without its lens, described by this detector's policy."""
         return Pyramid(frame.undistorted, self.policy.descriptors, self.config.templates)
 
-    def _search(
+    def _places(
         self, frame: Frame, region: SearchRegion, pyramid: Pyramid, count: int
-    ) -> Generator[None, None, Candidates]:
-        """The `count` best candidates in the image, and as many more."""
+    ) -> Generator[None, None, list[Place]]:
+        """Where in the image the object may be, the likeliest first, `count` places at most."""
         bank, config = self.prepare(), self.config.match
         yield
         narrowing = self.config.region
@@ -220,19 +228,18 @@ class PoseDetector:
         for width in ladder(low, high, config.step):
             finder.add(pyramid.level(width, window))
             yield
-        allowed = None if region.empty else (
-            lambda pixels, widths, views: region.allows(
-                self.mesh, frame.camera, pixels, widths, bank.fine.boxes[views], narrowing
-            )
-        )  # fmt: skip
-        places = finder.places()
+        places = finder.places(count)
         yield
-        matcher = ViewMatcher(bank.fine, pyramid, config)
-        found = []
-        for place in places:
-            yield
-            found.append(matcher.views(place, allowed))
-        return best_candidates(found, count)
+        return places
+
+    def _allowed(self, camera: Camera, region: SearchRegion) -> Allowed | None:
+        """Which candidates agree with what is known; None: all."""
+        if region.empty:
+            return None
+        boxes = self.prepare().fine.boxes
+        return lambda pixels, widths, views: region.allows(
+            self.mesh, camera, pixels, widths, boxes[views], self.config.region
+        )
 
     def _in_sight(self, centred: Pose, camera: Camera) -> bool:
         return start_problem(centred, self.mesh, camera) is None
@@ -266,9 +273,10 @@ class PoseDetector:
                 poses = [*poses, *(pose for one in turned for pose in half_turned(self.mesh, one))]
             results = []
             loop = replace(self.settings.loop, max_iterations=iterations)
-            for first in range(0, len(poses), STEP_BATCH):
+            batch = max(2, STEP_ITERATIONS // iterations)
+            for first in range(0, len(poses), batch):
                 results += refine_starts(
-                    [Start(frame, self.mesh, pose) for pose in poses[first : first + STEP_BATCH]],
+                    [Start(frame, self.mesh, pose) for pose in poses[first : first + batch]],
                     policy=self.policy,
                     renderer=self.renderer,
                     loop=loop,

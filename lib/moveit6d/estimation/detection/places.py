@@ -71,8 +71,8 @@ class PlaceFinder:
             self._scores.append(functional.conv2d(batch, self.templates.kernels)[0])
 
     @torch.inference_mode()
-    def places(self) -> list[Place]:
-        """The best places, thinned over all levels."""
+    def places(self, count: int) -> list[Place]:
+        """The best places, `count` at most, thinned over all levels."""
         least = self.config.min_spread
         spread = spread_of(torch.cat(self._background), self.templates, least)
         mean, deviation = (one[:, None, None] for one in spread)
@@ -83,7 +83,7 @@ class PlaceFinder:
             top = functional.max_pool2d(best[None, None], 3, 1, 1)[0, 0]
             rows, columns = (best == top).nonzero(as_tuple=True)
             values = best[rows, columns]
-            for i in values.argsort(descending=True)[: self.config.shortlist * self.config.places]:
+            for i in values.argsort(descending=True)[: self.config.shortlist * count]:
                 pixel = level.pixel(float(columns[i]) + shift, float(rows[i]) + shift)
                 peaks.append(Place(float(values[i]), pixel, level.width))
         peaks.sort(key=lambda place: -place.score)
@@ -91,7 +91,7 @@ class PlaceFinder:
         for place in peaks:
             if not any(place.same(other, self.config) for other in chosen):
                 chosen.append(place)
-            if len(chosen) == self.config.places:
+            if len(chosen) == count:
                 break
         return chosen
 

@@ -151,14 +151,10 @@ def _mask(positions: Tensor, views: int, allowed: Allowed) -> Tensor:
 
 
 def best_candidates(found: Sequence[Candidates], count: int) -> Candidates:
-    """The `count` best candidates of all places, then as many of the best views of each in turn."""
+    """The `count` best candidates of all places."""
     if not found:
         none = torch.zeros(0)
         return Candidates(none, none.reshape(0, 2), none, none.long())
     names = ("scores", "pixels", "widths", "views")
     every = Candidates(*(torch.cat([getattr(one, name) for one in found]) for name in names))
-    order = every.scores.argsort(descending=True)
-    first, rest = order[:count], order[count:]
-    # What comes after the best must not be more of the same places.
-    rank = torch.cat([torch.arange(len(some)) for some in found])[rest]
-    return every[torch.cat([first, rest[rank.argsort(stable=True)][:count]])]
+    return every[every.scores.argsort(descending=True)[:count]]
