@@ -53,9 +53,8 @@ def test_another_start_finds_what_the_given_one_does_not(brick: Mesh) -> None:
     torch.testing.assert_close(found.pose.matrix, at(0.012).matrix)
 
 
-@pytest.mark.parametrize("settings", [{"evidence": 20.0}, {"below": 0.0}])
-def test_what_is_hardly_likelier_is_not_taken(brick: Mesh, settings: dict[str, float]) -> None:
-    multi_start = dataclasses.replace(NO_CONTOUR.multi_start, **settings)  # type: ignore[arg-type]
+def test_how_low_the_confidence_must_be_is_a_setting(brick: Mesh) -> None:
+    multi_start = dataclasses.replace(NO_CONTOUR.multi_start, below=0.0)
     config = dataclasses.replace(NO_CONTOUR, multi_start=multi_start)
     policy, far = NearSighted(brick.inner(at(0.012)), 21.0), at(-0.035)
     found = PoseEstimator(brick, CAMERA, policy=policy, renderer=RENDERER, config=config)

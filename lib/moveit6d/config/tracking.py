@@ -47,8 +47,6 @@ class MultiStartConfig:
             lost object costs a few times the time of one that is followed, not twenty times.
         race: in a video: after one iteration only the most confident recovery start goes on.
         below: in a single image: confidence below which other starts are tried.
-        evidence: in a single image: by how much more confident, in log odds, the best end of other
-            starts must be to be taken.
         around_start: in a single image: starts around the given pose.
         around_result: in a single image: starts around the refined pose.
         rounds: in a single image: how often to try.
@@ -62,8 +60,7 @@ class MultiStartConfig:
     recovery_first: int = 2
     recovery_every: int = 3
     race: bool = True
-    below: float = 0.9
-    evidence: float = 0.3
+    below: float = 0.8
     around_start: PerturbationConfig = PerturbationConfig(6, (15.0, 15.0, 8.0), (5.0, 20.0))
     around_result: PerturbationConfig = PerturbationConfig(4, (3.0, 3.0, 3.0), (2.0, 6.0), True)
     rounds: int = 2
@@ -71,11 +68,8 @@ class MultiStartConfig:
     duplicate_delta: float = 3.0
 
     def __post_init__(self) -> None:
-        if not 0 <= self.below <= 1 or self.evidence < 0:
-            raise InputError(
-                "MultiStartConfig: below must be a confidence and evidence 0 or more, found "
-                f"{self.below} and {self.evidence}."
-            )
+        if not 0 <= self.below <= 1:
+            raise InputError(f"MultiStartConfig: below must be a confidence, found {self.below}.")
 
 
 @dataclass(frozen=True)

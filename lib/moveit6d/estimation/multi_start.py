@@ -20,7 +20,6 @@ from ..policies import Policy, mode_of
 from ..rendering.renderer import Renderer
 from .refine import refine_starts
 from .results import Refined, Start
-from .states import log_odds
 
 
 def refine_multi_start(
@@ -38,17 +37,8 @@ def refine_multi_start(
             else []
             for start, result, generator in zip(starts, results, random, strict=True)
         ]
-        ends = most_confident(results, others, policy=policy, renderer=renderer, config=config)
-        results = [
-            end if _much_likelier(end, result, config.multi_start.evidence) else result
-            for end, result in zip(ends, results, strict=True)
-        ]
+        results = most_confident(results, others, policy=policy, renderer=renderer, config=config)
     return results
-
-
-def _much_likelier(end: Refined, result: Refined, evidence: float) -> bool:
-    """Whether an end is enough more confident than the result from the given start."""
-    return log_odds(end.confidence) - log_odds(result.confidence) > evidence
 
 
 def uses_multi_start(policy: Policy, config: TrackerConfig) -> bool:
