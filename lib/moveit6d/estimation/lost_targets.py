@@ -30,6 +30,20 @@ def search_lost_targets(
     `results` are those of `refine_single`; keys are indices of `targets`. Found as `PoseDetector`
     does, accepted or not: `confidence` is the probability that the pose is right. Empty for a
     policy that cannot search, in mode single, and with `recovery` off.
+
+    Example:
+        >>> import numpy as np
+        >>> from moveit6d import Camera, Mesh, Pose, load_policy, make_renderer
+        >>> from moveit6d.estimation import Target, refine_single
+        >>> corners = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
+        >>> mesh = Mesh.from_arrays("corner", corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        >>> camera = Camera(300, 300, 159.5, 119.5, 320, 240)
+        >>> behind = Pose.from_rvec([0, 0, 0], [0, 0, -0.5])
+        >>> targets = [Target(np.zeros((240, 320, 3), np.uint8), camera, mesh, behind)]
+        >>> tools = {"policy": load_policy(), "renderer": make_renderer()}
+        >>> found = search_lost_targets(targets, refine_single(targets, **tools), **tools)
+        >>> all(one.confidence < 0.3 for one in found.values())  # there is nothing in the image
+        True
     """
     refined = {
         id(target.mesh)

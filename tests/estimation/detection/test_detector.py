@@ -11,6 +11,7 @@ import torch
 from moveit6d import InputError, OraclePolicy, Pose
 from moveit6d.config import RegionConfig
 from moveit6d.estimation.detection import PoseDetector, detect_objects
+from moveit6d.estimation.detection.places import Place, PlaceFinder
 from moveit6d.evaluation.metrics import add
 from tests.estimation.detection.conftest import Picture
 from tests.support import pictures
@@ -33,6 +34,22 @@ def test_absent_is_an_answer(detector: PoseDetector) -> None:
     found = detector.detect(pictures.mottled(3))
     assert not found.found and found.pose is None and found.probability < 0.5
     assert found.best is not None and found.rejected
+
+
+def test_where_nothing_is_accepted_more_places_are_looked_into(
+    seen: Picture, detector: PoseDetector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wrong, places = Place(1e3, (20.0, 20.0), 40.0), PlaceFinder.places
+
+    def late(finder: PlaceFinder, count: int) -> list[Place]:
+        first = finder.config.places
+        return ([wrong] * first + places(finder, first))[:count]
+
+    monkeypatch.setattr(PlaceFinder, "places", late)
+    assert off(seen, detector.detect(seen.image).pose) < 0.05
+    match = replace(detector.config.match, more_places=0)
+    detector.config = replace(detector.config, match=match)
+    assert not detector.detect(seen.image).found
 
 
 def test_what_is_known_narrows(seen: Picture, detector: PoseDetector) -> None:
