@@ -45,15 +45,7 @@ def search_lost_targets(
         >>> all(one.confidence < 0.3 for one in found.values())  # there is nothing in the image
         True
     """
-    refined = {
-        id(target.mesh)
-        for target, result in zip(targets, results, strict=True)
-        if result.pose is not None
-    }
-    lost: dict[int, list[int]] = {}
-    for index, target in enumerate(targets):
-        if id(target.mesh) not in refined:
-            lost.setdefault(id(target.mesh), []).append(index)
+    lost = _lost(targets, results)
     single = mode_of(policy, config.loop.mode) is ActionMode.SINGLE
     searches = config.recovery.enabled and isinstance(policy, DescriptorPolicy) and not single
     if not lost or not searches:
@@ -69,13 +61,27 @@ def search_lost_targets(
             store=store,
             threads=None,
         )
-        for first, *_ in lost.values()
+        for first, *_ in lost
     ]
-    first = targets[next(iter(lost.values()))[0]]
+    first = targets[lost[0][0]]
     frame = prepare_frame(first.image, first.camera)
-    detections = detect_objects(detectors, frame, [len(rows) for rows in lost.values()])
+    detections = detect_objects(detectors, frame, [len(rows) for rows in lost])
     return {
         row: found.result
-        for rows, detection in zip(lost.values(), detections, strict=True)
+        for rows, detection in zip(lost, detections, strict=True)
         for row, found in zip(rows, (*detection.instances, *detection.rejected), strict=False)
     }
+
+
+def _lost(targets: Sequence[Target], results: Sequence[TrackingResult]) -> list[list[int]]:
+    """Indices of the targets of each object of which none could be refined."""
+    refined = {
+        id(target.mesh)
+        for target, result in zip(targets, results, strict=True)
+        if result.pose is not None
+    }
+    lost: dict[int, list[int]] = {}
+    for index, target in enumerate(targets):
+        if id(target.mesh) not in refined:
+            lost.setdefault(id(target.mesh), []).append(index)
+    return list(lost.values())
