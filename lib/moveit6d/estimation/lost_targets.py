@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..config import ActionMode, TrackerConfig
+from ..config import TrackerConfig
 from ..frame import prepare_frame
-from ..policies import DescriptorPolicy, Policy, mode_of
+from ..policies import Policy
 from ..rendering.renderer import Renderer
-from .detection import PoseDetector, TemplateStore, detect_objects
+from .detection import PoseDetector, TemplateStore, can_search, detect_objects
 from .estimator import DEFAULT
 from .results import Target, TrackingResult
 
@@ -46,9 +46,7 @@ def search_lost_targets(
         True
     """
     lost = _lost(targets, results)
-    single = mode_of(policy, config.loop.mode) is ActionMode.SINGLE
-    searches = config.recovery.enabled and isinstance(policy, DescriptorPolicy) and not single
-    if not lost or not searches:
+    if not lost or not can_search(policy, config):
         return {}
     store = store or TemplateStore()
     detectors = [

@@ -25,7 +25,7 @@ from .results import Refined, Start
 def refine_multi_start(
     starts: Sequence[Start], *, policy: Policy, renderer: Renderer, config: TrackerConfig
 ) -> list[Refined]:
-    """The loop for single images, and perturbed starts for every result that is in doubt."""
+    """The loop for single images, and perturbed starts for results of low confidence."""
     results = refine_starts(starts, policy=policy, renderer=renderer, loop=config.loop)
     if not uses_multi_start(policy, config):
         return results

@@ -12,20 +12,20 @@ from typing import Generic, TypeVar, overload
 
 import torch
 
-from ..config import ActionMode, TrackerConfig
+from ..config import TrackerConfig
 from ..contour import histograms_at
 from ..errors import InputError
 from ..frame import Frame, prepare_frame
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..policies import DescriptorPolicy, Policy, mode_of
+from ..policies import Policy
 from ..rendering.renderer import Renderer
 from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
 from .calibration import depth_bias
 from .contour_stage import refine_result
-from .detection import PoseDetector, TemplateStore
+from .detection import PoseDetector, TemplateStore, can_search
 from .half_turns import refined_half_turns
 from .inputs import camera_of, meshes_of, policy_of, poses_of, renderer_of
 from .keyframes import Keyframe
@@ -183,9 +183,7 @@ class PoseTracker(Generic[Results]):
 
     def _detector(self, mesh: Mesh) -> PoseDetector | None:
         """What looks for an object once it is lost; None if nothing can."""
-        if not self.config.recovery.enabled or not isinstance(self.policy, DescriptorPolicy):
-            return None
-        if mode_of(self.policy, self.config.loop.mode) is ActionMode.SINGLE:
+        if not can_search(self.policy, self.config):
             return None
         detector = PoseDetector(
             mesh, self.camera, policy=self.policy, renderer=self.renderer, config=self.config,

@@ -3,7 +3,7 @@
 Never tracks. `PoseDetector` is the door; the paper's own way is in `estimation.seed_detector`.
 """
 
-from .detector import PoseDetector, detect_objects
+from .detector import PoseDetector, can_search, detect_objects
 from .found import Detection, FoundPose
 from .region import SearchRegion
 from .templates import TemplateStore, default_store
@@ -16,6 +16,7 @@ __all__ = [
     "PoseDetector",
     "SearchRegion",
     "TemplateStore",
+    "can_search",
     "default_store",
     "detect_objects",
 ]

@@ -13,13 +13,13 @@ from typing import Any, Literal
 
 import torch
 
-from ...config import SeedDetectorConfig, TrackerConfig
+from ...config import ActionMode, SeedDetectorConfig, TrackerConfig
 from ...errors import InputError
 from ...frame import Frame, prepare_frame
 from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
-from ...policies import DescriptorPolicy, Policy
+from ...policies import DescriptorPolicy, Policy, mode_of
 from ...rendering.renderer import Renderer
 from ...threads import checked_threads, with_own_threads
 from ...typing import ImageLike
@@ -36,7 +36,7 @@ from .places import Place, PlaceFinder
 from .points import poses_from_points
 from .pyramid import Pyramid, ladder
 from .region import SearchRegion
-from .templates import TemplateBank, TemplateStore
+from .templates import TemplateBank, Templates, TemplateStore
 from .verification import Evidence, similarities
 from .views import Allowed, Candidates, ViewMatcher, best_candidates
 
@@ -170,7 +170,7 @@ class PoseDetector:
 
         `region` is one of the image without its lens. `given` are poses (mesh file's frame) that
         are tried beside the candidates of the search, or instead of them. Each `next` does one step
-        of ten milliseconds to some tenths of a second; the generator's value is the detection.
+        of ten milliseconds to a tenth of a second; the generator's value is the detection.
         Detectors of several objects may share the `pyramid` of an image (`pyramid_of`). With `most`
         no more than so many poses are looked at, at the first places only.
         """
@@ -187,14 +187,16 @@ class PoseDetector:
             count, more = self.config.match.places, self.config.match.more_places
             wanted = count if most is not None else count + more
             places = yield from self._places(frame, known, levels, wanted)
-            matcher = ViewMatcher(self.prepare().fine, levels, self.config.match)
+            bank = self.prepare().fine
+            matcher = ViewMatcher(bank, levels, self.config.match)
+            allowed = self._allowed(frame.camera, known, bank)
             rounds = [places[:count], places[count:]]
         results: list[FoundPose] = []
         for some in rounds:
             views = []
             for place in some:
                 yield
-                views.append(matcher.views(place, self._allowed(frame.camera, known)))
+                views.append(matcher.views(place, allowed))
             candidates = best_candidates(views, stages[0][0] * instances)
             poses = [*poses, *self._poses(candidates, frame.camera)][:most]
             refined = yield from self._tournament(frame, poses, stages, instances)
@@ -232,13 +234,14 @@ class PoseDetector:
         yield
         return places
 
-    def _allowed(self, camera: Camera, region: SearchRegion) -> Allowed | None:
+    def _allowed(
+        self, camera: Camera, region: SearchRegion, templates: Templates
+    ) -> Allowed | None:
         """Which candidates agree with what is known; None: all."""
         if region.empty:
             return None
-        boxes = self.prepare().fine.boxes
         return lambda pixels, widths, views: region.allows(
-            self.mesh, camera, pixels, widths, boxes[views], self.config.region
+            self.mesh, camera, pixels, widths, templates.boxes[views], self.config.region
         )
 
     def _in_sight(self, centred: Pose, camera: Camera) -> bool:
@@ -362,6 +365,12 @@ def finish(steps: Steps) -> Detection:
     found = within(steps, None)
     assert found is not None
     return found
+
+
+def can_search(policy: Policy, config: TrackerConfig) -> bool:
+    """Whether a lost object is looked for: with `recovery`, descriptors and all axes at once."""
+    single = mode_of(policy, config.loop.mode) is ActionMode.SINGLE
+    return config.recovery.enabled and isinstance(policy, DescriptorPolicy) and not single
 
 
 def detect_objects(
