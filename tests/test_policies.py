@@ -11,6 +11,7 @@ from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
 from moveit6d.networks.action_net import ActionNet
+from moveit6d.networks.compact import CompactConfig, CompactCorrelationNet
 from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation, rotated
 from moveit6d.policies import (
@@ -20,6 +21,7 @@ from moveit6d.policies import (
     NetworkPolicy,
     OraclePolicy,
     load_policy,
+    search_policy,
     to_action,
 )
 from tests.support.observations import an_observation
@@ -160,3 +162,21 @@ def test_policies_of_the_same_weights_share_one_network() -> None:
     first, second = load_policy(), load_policy()
     assert first is not second and first.network is second.network
     assert load_policy(compute="float32").network is not load_policy(compute="bfloat16").network
+
+
+def test_searches_have_the_confidence_that_was_fitted_for_them() -> None:
+    seen = an_observation(1)
+    pose = Pose(torch.eye(3).double()[None], torch.tensor([[0.0, 0, 1]], dtype=torch.float64))
+    state = LoopState(pose, torch.ones(1), torch.zeros(1, dtype=torch.long))
+    plain = NetworkPolicy(CompactCorrelationNet())
+    assert search_policy(plain) is plain
+    network = CompactCorrelationNet(CompactConfig(search_head=True))
+    policy = NetworkPolicy(network, "name", compute="float32")
+    searching = search_policy(policy)
+    assert searching is search_policy(policy) is not policy
+    assert isinstance(searching, NetworkPolicy) and searching.source == "name"
+    with torch.no_grad():
+        expected = network.for_search().eval()(seen).prediction
+    found = searching.predict(seen, state)
+    torch.testing.assert_close(found.confidence, expected.confidence, atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(found.delta, policy.predict(seen, state).delta)

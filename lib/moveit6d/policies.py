@@ -21,6 +21,7 @@ from .errors import InputError
 from .geometry.crop import Crop
 from .geometry.pose import Pose
 from .networks.action_net import ActionNet
+from .networks.compact import CompactCorrelationNet
 from .networks.inference import Compute, InferenceNetwork
 from .networks.kinds import PoseNet
 from .networks.policy_output import PolicyOutput
@@ -91,6 +92,11 @@ def to_action(
     return PoseAction(prediction.delta.to(torch.float64), (best == 12) | done)
 
 
+def search_policy(policy: DescriptorPolicy) -> DescriptorPolicy:
+    """The policy with the confidence that it has for searches, if it has one."""
+    return policy.for_search if isinstance(policy, NetworkPolicy) else policy
+
+
 class NetworkPolicy:
     """Predicts with a trained network, in evaluation mode, without gradients."""
 
@@ -106,6 +112,16 @@ class NetworkPolicy:
         self.crop: Crop = network.config.crop
         self.mode = ActionMode.SINGLE if single else ActionMode.ALL_AXES
         self.source = source  # what the weights are, for reports
+        self._of_search: NetworkPolicy | None = None
+        if isinstance(network, CompactCorrelationNet) and network.config.search_head:
+            self._of_search = NetworkPolicy(
+                network.for_search(), source, compute=compute, device=device
+            )
+
+    @property
+    def for_search(self) -> NetworkPolicy:
+        """The same network; where it has a confidence of its own for searches, with that."""
+        return self if self._of_search is None else self._of_search
 
     def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
         """One pass of the network."""

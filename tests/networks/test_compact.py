@@ -68,3 +68,19 @@ def test_folding_the_normalisation_changes_nothing() -> None:
     assert before.prediction.delta is not None and after.prediction.delta is not None
     assert torch.allclose(before.prediction.delta, after.prediction.delta, atol=1e-3)
     assert before.prediction.confidence == pytest.approx(after.prediction.confidence, abs=1e-4)
+
+
+def test_a_search_head_is_another_confidence_of_the_same_deltas() -> None:
+    network = CompactCorrelationNet(CompactConfig(search_head=True)).eval()
+    assert not any(one.requires_grad for one in network.search_head.parameters())
+    with torch.no_grad():
+        last = network.search_head[-1]
+        assert isinstance(last, nn.Linear)
+        last.weight.zero_()
+        last.bias.fill_(0.5)
+        seen = some()
+        plain, searching = network(seen).prediction, network.for_search()(seen).prediction
+    torch.testing.assert_close(searching.confidence, torch.full((2,), 0.5).sigmoid())
+    assert (plain.confidence - searching.confidence).abs().max() > 0.01
+    torch.testing.assert_close(plain.delta, searching.delta)
+    assert not network.for_search().config.search_head and network.config.search_head

@@ -9,6 +9,7 @@ from safetensors.torch import save_file
 
 from moveit6d.errors import InputError, WeightsError
 from moveit6d.networks.action_net import ActionConfig, ActionNet
+from moveit6d.networks.compact import CompactConfig, CompactCorrelationNet
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
 from moveit6d.networks.weights_file import begin_from, load_network, save_network
 from tests.support.observations import an_observation
@@ -136,3 +137,18 @@ def test_a_full_disk_is_a_sentence_and_keeps_the_older_file(tmp_path: Path) -> N
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limit)
     assert path.read_bytes() == b"older" and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_search_head_is_kept_in_the_file_and_left_out_of_a_training(tmp_path: Path) -> None:
+    known = CompactCorrelationNet(CompactConfig(search_head=True))
+    save_network(known, tmp_path / "a.safetensors")
+    again = load_network(tmp_path / "a.safetensors").network
+    assert isinstance(again, CompactCorrelationNet)
+    for one, other in zip(
+        known.search_head.parameters(), again.search_head.parameters(), strict=True
+    ):
+        assert torch.equal(one, other)
+    network = CompactCorrelationNet()
+    begin_from(network, tmp_path / "a.safetensors")
+    assert torch.equal(network.answer.weight, known.answer.weight)
+    assert not any(name.startswith("search_head") for name in network.state_dict())

@@ -187,9 +187,9 @@ class VerificationConfig:
         intercept: intercept of the regression.
     """
 
-    confidence: float = 1.54
-    similarity: float = 4.92
-    intercept: float = -6.76
+    confidence: float = 1.07
+    similarity: float = 3.91
+    intercept: float = -3.39
 
 
 @dataclass(frozen=True)

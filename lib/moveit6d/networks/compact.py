@@ -8,7 +8,8 @@ what a detector compares (docs/method.md).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import copy
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor, nn
@@ -49,6 +50,7 @@ class CompactConfig:
     fine_radius: int = 3  # at stride 4, cells
     use_depth: bool = True
     crop: Crop = "look_at"  # the kind of patches that it is trained on
+    search_head: bool = False  # a confidence of its own for searches, fitted after the training
 
 
 class CompactCorrelationNet(nn.Module):
@@ -94,11 +96,24 @@ class CompactCorrelationNet(nn.Module):
         self.confidence_head = nn.Sequential(
             nn.Linear(2 * wide + 2 * fine + _FACTS, 128), nn.ReLU(inplace=True), nn.Linear(128, 1)
         )
+        if config.search_head:
+            self.search_head = copy.deepcopy(self.confidence_head).requires_grad_(False)
         self.temperature = nn.Parameter(torch.tensor(2.5))  # logarithm
         self.damping = nn.Parameter(torch.tensor(DAMPING).log())
         self.view_temperature = nn.Parameter(torch.tensor(2.3))  # logarithm; of training alone
         for name, table in index_tables(config.radius, config.fine_radius).items():
             self.register_buffer(name, table, persistent=False)  # not part of the weights file
+
+    def for_search(self) -> CompactCorrelationNet:
+        """A copy whose confidence is that of its `search_head`: whether the loop ends right.
+
+        Everything else is the same.
+        """
+        network = copy.deepcopy(self)
+        network.config = replace(self.config, search_head=False)
+        network.confidence_head = network.search_head
+        del network.search_head
+        return network
 
     def descriptors(self, images: Tensor) -> Tensor:
         """What each cell of 8 × 8 pixels looks like: images (B, 3, H, W) in [0, 1] → (B, D, h, w).

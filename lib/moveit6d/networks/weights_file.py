@@ -116,13 +116,13 @@ def begin_from(network: PoseNet, path: Path) -> None:
     """Give a network the weights of a file, of a network of the same sizes or a shallower one.
 
     What it has beyond that (`CorrelationConfig.extra_blocks`) stays as it is, which is an identity
-    in a new network. What it is shown (`use_depth`, `crop`) may differ. Raises `WeightsError` if
-    the sizes do not fit.
+    in a new network; a head that was fitted for searches is left out. What it is shown
+    (`use_depth`, `crop`) may differ. Raises `WeightsError` if the sizes do not fit.
     """
     known = load_network(path).network
     fits = type(known) is type(network)
     if fits:
-        mine, theirs = network.state_dict(), known.state_dict()
+        mine, theirs = network.state_dict(), _without_search_head(known, network)
         new = {name for name in mine.keys() - theirs.keys() if ".extra_blocks." not in name}
         fits = not new and not theirs.keys() - mine.keys()
         fits = fits and all(mine[name].shape == value.shape for name, value in theirs.items())
@@ -132,4 +132,14 @@ def begin_from(network: PoseNet, path: Path) -> None:
             f"to train, a {type(network).__name__}; configure that as the file says: "
             f"{known.config}."
         )
-    network.load_state_dict(known.state_dict(), strict=False)
+    network.load_state_dict(theirs, strict=False)
+
+
+def _without_search_head(known: PoseNet, network: PoseNet) -> dict[str, torch.Tensor]:
+    """The known weights, without those of a search head that the network does not have."""
+    has_one = getattr(network.config, "search_head", False)
+    return {
+        name: value
+        for name, value in known.state_dict().items()
+        if has_one or not name.startswith("search_head.")
+    }

@@ -13,6 +13,9 @@ from moveit6d.config import RegionConfig
 from moveit6d.estimation.detection import PoseDetector, detect_objects
 from moveit6d.estimation.detection.places import Place, PlaceFinder
 from moveit6d.evaluation.metrics import add
+from moveit6d.networks.compact import CompactCorrelationNet
+from moveit6d.networks.weights_file import load_network
+from moveit6d.policies import SHIPPED_WEIGHTS, NetworkPolicy
 from tests.estimation.detection.conftest import Picture
 from tests.support import pictures
 
@@ -28,6 +31,18 @@ def test_found_from_nothing(seen: Picture, detector: PoseDetector) -> None:
     found = detector.detect(seen.image)
     assert found.found and off(seen, found.pose) < 0.05
     assert found.probability > 0.5 and found.instances[0].result.confidence == found.probability
+
+
+def test_evidence_is_the_confidence_for_searches(seen: Picture) -> None:
+    loaded = load_network(SHIPPED_WEIGHTS).network
+    assert isinstance(loaded, CompactCorrelationNet) and loaded.config.search_head
+    with torch.no_grad():
+        loaded.search_head[-1].weight.zero_()
+        loaded.search_head[-1].bias.fill_(0.25)
+    detector = PoseDetector(seen.mesh, pictures.CAMERA, policy=NetworkPolicy(loaded))
+    found = detector.detect(seen.image).best
+    assert found is not None and found.evidence is not None
+    assert found.evidence.confidence == pytest.approx(1 / (1 + np.exp(-0.25)), abs=1e-3)
 
 
 def test_absent_is_an_answer(detector: PoseDetector) -> None:

@@ -19,7 +19,7 @@ from ...frame import Frame, prepare_frame
 from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
-from ...policies import DescriptorPolicy, Policy, mode_of
+from ...policies import DescriptorPolicy, Policy, mode_of, search_policy
 from ...rendering.renderer import Renderer
 from ...threads import checked_threads, with_own_threads
 from ...typing import ImageLike
@@ -190,7 +190,7 @@ class PoseDetector:
             bank = self.prepare().fine
             matcher = ViewMatcher(bank, levels, self.config.match)
             allowed = self._allowed(frame.camera, known, bank)
-            rounds = [places[:count], places[count:]]
+            rounds = [places[:count], *filter(None, [places[count:]])]
         results: list[FoundPose] = []
         for some in rounds:
             views = []
@@ -280,7 +280,7 @@ class PoseDetector:
             for first in range(0, len(poses), batch):
                 results += refine_starts(
                     [Start(frame, self.mesh, pose) for pose in poses[first : first + batch]],
-                    policy=self.policy,
+                    policy=search_policy(self.policy),
                     renderer=self.renderer,
                     loop=loop,
                 )

@@ -27,7 +27,8 @@ from .templates import CELL, cell_weights
 class Evidence:
     """What speaks for a pose.
 
-    `confidence` is the policy's at the end of the refinement; `similarity` the mean cosine of the
+    `confidence` is the policy's at the end of the refinement, as it is for searches
+    (`search_policy`); `similarity` the mean cosine of the
     image's and the rendering's descriptors over the object.
     """
 
