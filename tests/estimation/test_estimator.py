@@ -12,7 +12,10 @@ from moveit6d.estimation import PoseEstimator
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.policies import OraclePolicy
+from moveit6d.networks.compact import CompactCorrelationNet
+from moveit6d.networks.weights_file import load_network
+from moveit6d.policies import SHIPPED_WEIGHTS, NetworkPolicy, OraclePolicy
+from tests.support import pictures
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
 GRAY = np.full((240, 320, 3), 128, np.uint8)
@@ -65,3 +68,16 @@ def test_bytes_floats_and_lenses_lead_to_the_truth(
 def test_augmentation_is_one_more_iteration(brick: Mesh) -> None:
     without, with_it = (estimator(brick, augment=a).refine(GRAY, START) for a in (False, True))
     assert with_it.iterations == without.iterations + 1
+
+
+def test_the_confidence_is_that_for_searches(brick: Mesh) -> None:
+    network = load_network(SHIPPED_WEIGHTS).network
+    assert isinstance(network, CompactCorrelationNet)
+    with torch.no_grad():
+        network.search_head[-1].weight.zero_()
+        network.search_head[-1].bias.fill_(3.0)
+    truth = Pose(torch.eye(3).double(), torch.tensor([0.02, -0.01, 0.5], dtype=torch.float64))
+    estimator = PoseEstimator(brick, pictures.CAMERA, policy=NetworkPolicy(network))
+    image = pictures.picture(brick, truth).permute(1, 2, 0)
+    found = estimator.refine(image, brick.outer(truth))
+    assert found.confidence == pytest.approx(1 / (1 + np.exp(-3.0)), abs=1e-3)
