@@ -96,10 +96,10 @@ def refine_single(
     A target whose object the camera cannot see gives a failed result. After the loop a policy of
     all axes makes one more iteration with test-time augmentation: a video has other frames to
     average over, a single image has not. Between ends from other starts the confidence for searches
-    decides (`search_policy`).
+    decides (`search_policy`); the one that is reported is of the last iteration, as a tracker's.
     """
-    starts, policy = starts_of(targets), search_policy(policy)
-    refined = refine_multi_start(starts, policy=policy, renderer=renderer, config=config)
+    starts, chooser = starts_of(targets), search_policy(policy)
+    refined = refine_multi_start(starts, policy=chooser, renderer=renderer, config=config)
     if config.loop.augment and mode_of(policy, config.loop.mode) is ActionMode.ALL_AXES:
         refined = _augmented(starts, refined, policy, renderer, config.loop)
     return [
