@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol, overload, runtime_checkable
+from typing import Protocol, runtime_checkable
 from weakref import WeakValueDictionary
 
 import torch
@@ -92,16 +92,8 @@ def to_action(
     return PoseAction(prediction.delta.to(torch.float64), (best == 12) | done)
 
 
-@overload
-def search_policy(policy: DescriptorPolicy) -> DescriptorPolicy: ...
-@overload
-def search_policy(policy: Policy) -> Policy: ...
-def search_policy(policy: Policy) -> Policy:
-    """The policy with the confidence that it has for searches, if it has one.
-
-    A video goes on from a pose and asks whether the next one is right; a search chooses between the
-    ends of many loops, as does who has a single image.
-    """
+def search_policy(policy: DescriptorPolicy) -> DescriptorPolicy:
+    """The policy with the confidence that it has for searches, if it has one."""
     return policy.for_search if isinstance(policy, NetworkPolicy) else policy
 
 

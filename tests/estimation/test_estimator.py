@@ -8,14 +8,11 @@ import torch
 
 from moveit6d.config import ActionMode, LoopConfig, TrackerConfig
 from moveit6d.errors import InputError
-from moveit6d.estimation import PoseEstimator, multi_start
+from moveit6d.estimation import PoseEstimator
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.networks.compact import CompactCorrelationNet
-from moveit6d.networks.weights_file import load_network
-from moveit6d.policies import SHIPPED_WEIGHTS, NetworkPolicy, OraclePolicy
-from tests.support import pictures
+from moveit6d.policies import OraclePolicy
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
 GRAY = np.full((240, 320, 3), 128, np.uint8)
@@ -68,24 +65,3 @@ def test_bytes_floats_and_lenses_lead_to_the_truth(
 def test_augmentation_is_one_more_iteration(brick: Mesh) -> None:
     without, with_it = (estimator(brick, augment=a).refine(GRAY, START) for a in (False, True))
     assert with_it.iterations == without.iterations + 1
-
-
-@pytest.mark.parametrize(("logit", "tried"), [(-4.0, True), (4.0, False)])
-def test_other_starts_are_tried_by_the_confidence_for_searches(
-    brick: Mesh, monkeypatch: pytest.MonkeyPatch, logit: float, tried: bool
-) -> None:
-    network = load_network(SHIPPED_WEIGHTS).network
-    assert isinstance(network, CompactCorrelationNet)
-    with torch.no_grad():
-        network.search_head[-1].weight.zero_()
-        network.search_head[-1].bias.fill_(logit)
-    truth = Pose(torch.eye(3).double(), torch.tensor([0.02, -0.01, 0.5], dtype=torch.float64))
-    image = pictures.picture(brick, truth).permute(1, 2, 0)
-    asked, perturbed = [], multi_start.perturbed_starts
-    monkeypatch.setattr(
-        multi_start, "perturbed_starts", lambda *given: asked.append(1) or perturbed(*given)
-    )
-    policy = NetworkPolicy(network)
-    found = PoseEstimator(brick, pictures.CAMERA, policy=policy).refine(image, brick.outer(truth))
-    assert bool(asked) is tried
-    assert found.confidence > 0.6  # the tracker's: the pose looks right

@@ -13,7 +13,7 @@ from ..frame import Frame, prepare_frame
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..policies import DihedralAugmentation, Policy, mode_of, search_policy
+from ..policies import DihedralAugmentation, Policy, mode_of
 from ..rendering.renderer import Renderer
 from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
@@ -95,11 +95,10 @@ def refine_single(
 
     A target whose object the camera cannot see gives a failed result. After the loop a policy of
     all axes makes one more iteration with test-time augmentation: a video has other frames to
-    average over, a single image has not. Between ends from other starts the confidence for searches
-    decides (`search_policy`); the one that is reported is of the last iteration, as a tracker's.
+    average over, a single image has not.
     """
-    starts, chooser = starts_of(targets), search_policy(policy)
-    refined = refine_multi_start(starts, policy=chooser, renderer=renderer, config=config)
+    starts = starts_of(targets)
+    refined = refine_multi_start(starts, policy=policy, renderer=renderer, config=config)
     if config.loop.augment and mode_of(policy, config.loop.mode) is ActionMode.ALL_AXES:
         refined = _augmented(starts, refined, policy, renderer, config.loop)
     return [
