@@ -124,7 +124,7 @@ def examples_of(task: Task) -> tuple[list[Example], list[Example], list[Example]
     """Examples of one mesh: of detections, of tracks, of refinements."""
     torch.set_num_threads(1)
     meshes = [Mesh.load(path) for path in (task.mesh, task.other)]
-    beside = [_of_size(Mesh.load(path), meshes[0].diameter) for path in task.beside]
+    beside = [of_size(Mesh.load(path), meshes[0].diameter) for path in task.beside]
     found = [frame.image for frame in open_frames(task.photos) if frame.image is not None]
     photos = found[:: max(1, len(found) // PHOTOS)]
     policy = load_policy(task.weights)
@@ -231,7 +231,7 @@ def candidates(
                     yield Example(values, error if wanted is mesh else np.inf, wanted.name)
 
 
-def _of_size(mesh: Mesh, diameter: float) -> Mesh:
+def of_size(mesh: Mesh, diameter: float) -> Mesh:
     """The mesh, scaled to a diameter."""
     return reshaped(mesh, mesh.vertices * (diameter / mesh.diameter))
 

@@ -6,7 +6,7 @@ slender in a third of the cases. In half of them the meshes have poor textures, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,8 +22,8 @@ from moveit6d.config import ContourConfig, DetectorConfig, MatchConfig, TrackerC
 from moveit6d.datasets.video import read_image
 from moveit6d.estimation.half_turns import half_turned
 from moveit6d.estimation.refine import refine_starts
-from moveit6d.estimation.results import Start
-from moveit6d.evaluation.metrics import ADD_LIMIT, add_s
+from moveit6d.estimation.results import Refined, Start
+from moveit6d.evaluation.metrics import ADD_LIMIT
 from moveit6d.frame import Frame, prepare_frame
 from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.policy_output import PolicyOutput
@@ -32,11 +32,11 @@ from moveit6d.observation import Observation
 from moveit6d.policies import LoopState, NetworkPolicy
 from moveit6d.rendering.renderer import Renderer
 from moveit6d.synthesis.default_camera import CAMERA
-from moveit6d.synthesis.objects.reshape import reshaped
 from moveit6d.synthesis.objects.slender import slender_copy
 from moveit6d.synthesis.sequences.sequence import Scene
 from moveit6d.synthesis.single_images import make_cases
 from moveit6d.synthesis.training.clusters import ClusterConfig, draw_delta
+from tools.fit_probabilities import of_size, relative_error
 
 FRAMES = 44  # of a scene, of which one is looked at
 SIZES = (0.13, 0.28)  # metres, of objects on a table
@@ -110,8 +110,7 @@ class Outcomes:
 def without_search_head(network: CompactCorrelationNet) -> CompactCorrelationNet:
     """The network with the confidence of its training alone."""
     plain = CompactCorrelationNet(replace(network.config, search_head=False))
-    known = network.state_dict().items()
-    plain.load_state_dict({k: v for k, v in known if not k.startswith("search_head.")})
+    plain.load_state_dict(network.state_dict(), strict=False)
     return plain.eval()
 
 
@@ -180,10 +179,10 @@ def outcomes_of(task: Task) -> Outcomes | None:
         targets = [replace(one, mesh=_spoilt(rng, one.mesh)) for one in targets]
     frame = prepare_frame(image, camera)
     for target in targets:
-        starts = [*candidates(frame, target.mesh, recorder, renderer)]
-        near = near_starts(rng, target)
+        searched = candidates(frame, target.mesh, recorder, renderer)
+        starts = [*searched, *near_starts(rng, target)]
         found.append(
-            _refined(frame, target, [*starts, *near], len(starts), recorder, renderer, task.number)
+            _refined(frame, target, starts, len(searched), recorder, renderer, task.number)
         )
     return Outcomes.joined(found) if found else None
 
@@ -196,8 +195,7 @@ def table(
     for path in paths:
         mesh = Mesh.load(path)
         if sorted(np.ptp(mesh.vertices, 0))[1] / mesh.diameter > FLATTEST:
-            factor = rng.uniform(*SIZES) / mesh.diameter
-            meshes.append(reshaped(mesh, mesh.vertices * factor))
+            meshes.append(of_size(mesh, rng.uniform(*SIZES)))
         if len(meshes) == OTHERS + 1:
             break
     scene = Scene(meshes[0], int(rng.integers(1 << 31)), FRAMES, "easy", photos, others=meshes[1:])
@@ -237,12 +235,12 @@ def within_photo(
     return whole.astype(np.uint8), Camera(camera.fx * x, camera.fy * y, *middle, width, height)
 
 
-def candidates(frame: Frame, mesh: Mesh, recorder: Recorder, renderer: Renderer) -> Iterator[Pose]:
+def candidates(frame: Frame, mesh: Mesh, recorder: Recorder, renderer: Renderer) -> list[Pose]:
     """Centred poses that a search of the whole image tries first."""
     detector = PoseDetector(mesh, frame.camera, policy=recorder, renderer=renderer, config=SEARCH)
     recorder.forget()
     detector.detect(frame)
-    yield from recorder.poses
+    return recorder.poses
 
 
 def near_starts(rng: np.random.Generator, target: Target) -> list[Pose]:
@@ -293,8 +291,6 @@ def _refined(
     number: int,
 ) -> Outcomes:
     """Refine starts of which the first `searched` are candidates of a search."""
-    points = torch.from_numpy(target.mesh.sample_points(500))
-    limit = ADD_LIMIT * target.mesh.diameter
     rows: list[tuple[Tensor, float, bool, bool, bool]] = []
     for first in range(0, len(starts), BATCH):
         some = starts[first : first + BATCH]
@@ -302,13 +298,10 @@ def _refined(
         ends = refine_starts(
             [Start(frame, target.mesh, pose) for pose in some], policy=recorder, renderer=renderer
         )
+        right = [_is_right(target, end) for end in ends]
         last = {row: k for k, (row, _, _) in enumerate(recorder.seen)}
         for k, (row, features, confidence) in enumerate(recorder.seen):
-            end = ends[row].centred
-            right = end is not None and float(
-                add_s(target.mesh.outer(end), target.truth, points, False)
-            ) < limit  # fmt: skip
-            rows.append((features, confidence, right, first + row < searched, last[row] == k))
+            rows.append((features, confidence, right[row], first + row < searched, last[row] == k))
     told, before, rights, origin, final = zip(*rows, strict=True)
     return Outcomes(
         torch.stack(told).numpy(),
@@ -318,6 +311,12 @@ def _refined(
         np.array(final),
         np.full(len(rows), number),
     )
+
+
+def _is_right(target: Target, end: Refined) -> bool:
+    """Whether a loop ended below the limit of ADD."""
+    pose = None if end.centred is None else target.mesh.outer(end.centred)
+    return pose is not None and relative_error(target.mesh, pose, target.truth) < ADD_LIMIT
 
 
 def _is_inside(target: Target, camera: Camera) -> bool:

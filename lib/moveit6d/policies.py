@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 from weakref import WeakValueDictionary
@@ -112,16 +113,15 @@ class NetworkPolicy:
         self.crop: Crop = network.config.crop
         self.mode = ActionMode.SINGLE if single else ActionMode.ALL_AXES
         self.source = source  # what the weights are, for reports
-        self._of_search: NetworkPolicy | None = None
-        if isinstance(network, CompactCorrelationNet) and network.config.search_head:
-            self._of_search = NetworkPolicy(
-                network.for_search(), source, compute=compute, device=device
-            )
+        self._given, self._compute, self._device = network, compute, device
 
-    @property
+    @cached_property  # what never searches does not make it
     def for_search(self) -> NetworkPolicy:
         """The same network; where it has a confidence of its own for searches, with that."""
-        return self if self._of_search is None else self._of_search
+        network = self._given
+        if not isinstance(network, CompactCorrelationNet) or not network.config.search_head:
+            return self
+        return NetworkPolicy(network.for_search(), self.source, self._compute, self._device)
 
     def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
         """One pass of the network."""

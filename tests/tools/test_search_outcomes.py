@@ -86,7 +86,7 @@ def test_candidates_are_those_of_a_search_and_near_starts_are_near(
     brick: Mesh, recorder: Recorder
 ) -> None:
     frame = prepare_frame(pictures.picture(brick, TRUTH).permute(1, 2, 0), pictures.CAMERA)
-    found = list(candidates(frame, brick, recorder, make_renderer()))
+    found = candidates(frame, brick, recorder, make_renderer())
     assert 2 <= len(found) <= 40
     nearest = min(float((pose.translation - TRUTH.translation).norm()) for pose in found)
     assert nearest < 0.1

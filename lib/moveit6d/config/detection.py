@@ -182,7 +182,8 @@ class VerificationConfig:
     nothing to these two.
 
     Args:
-        confidence: weight of the log odds of the network's confidence at the end of the refinement.
+        confidence: weight of the log odds of the network's confidence for searches at the end of
+            the refinement.
         similarity: weight of the mean cosine of descriptors, image against rendering.
         intercept: intercept of the regression.
     """
