@@ -169,7 +169,7 @@ def outcomes_of(task: Task) -> Outcomes | None:
     if rng.random() < TABLES:
         image, camera, targets = table(rng, task.meshes, photos)
     else:
-        mesh = Mesh.load(task.meshes[0])
+        mesh = Mesh.load(task.meshes[0], allow_flat=True)
         if rng.random() < SLENDER:
             mesh = slender_copy(rng, mesh)
         image, camera, targets = moving(rng, mesh, photos)
@@ -193,7 +193,7 @@ def table(
     """Objects around another one, small in a photograph."""
     meshes: list[Mesh] = []
     for path in paths:
-        mesh = Mesh.load(path)
+        mesh = Mesh.load(path, allow_flat=True)
         if sorted(np.ptp(mesh.vertices, 0))[1] / mesh.diameter > FLATTEST:
             meshes.append(of_size(mesh, rng.uniform(*SIZES)))
         if len(meshes) == OTHERS + 1:
