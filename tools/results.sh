@@ -83,8 +83,8 @@ one_refinement() { # "CLUSTER COVERED" and further options
 }
 options() {
     local start
-    printf '# What single options bring\n\nThe larger network of `examples/correlation` in the paper'"'"'s mode of single actions; '
-    printf 'without multi-start refinement; without calibration; without contour refinement as well.\n\n'
+    printf '# What single options bring\n\nThe larger network of `examples/correlation`, one option changed at a time: the paper'"'"'s single '
+    printf 'actions, no multi-start refinement, no calibration, and neither calibration nor contour refinement.\n\n'
     for start in "all_small 0" "all_large 0"; do
         one_refinement "$start" --no_contour "${larger[@]}" "${colours[@]}"
         one_refinement "$start" --no_contour --mode single "${larger[@]}" "${colours[@]}"

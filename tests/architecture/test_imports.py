@@ -12,8 +12,8 @@ ROOT = Path(__file__).parents[2]
 LIBRARY = ROOT / "lib" / "moveit6d"
 LIGHTNING = ROOT / "lightning_modules"
 
-# From the bottom up; a room may import from lower floors and from its own floor.
-FLOORS = (
+# From the bottom up; a package may import from lower layers and from its own layer.
+LAYERS = (
     ("errors",),
     ("extras",),
     ("checks", "io", "parallel", "threads", "typing", "config"),
@@ -30,7 +30,7 @@ FLOORS = (
     ("lightning_modules",),
     ("cli",),
 )
-FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
+LAYER_OF = {name: layer for layer, names in enumerate(LAYERS) for name in names}
 MODULES = sorted([*LIBRARY.rglob("*.py"), *LIGHTNING.rglob("*.py")])
 SLOW_IMPORTS = {
     "cv2", "pyrender", "matplotlib", "pytorch_lightning", "av", "ray", "rerun",
@@ -68,26 +68,26 @@ def imports(source: str, name: str, is_package: bool) -> Iterator[tuple[str, boo
                 yield f"{base}.{alias.name}", id(node) not in late
 
 
-def room(module: str) -> str | None:
-    """The room that a module belongs to, None for other people's and for the front door."""
+def package_of(module: str) -> str | None:
+    """The package that a module belongs to, None for other people's and for `moveit6d` itself."""
     parts = module.split(".")
     if parts[0] == "lightning_modules":
         return parts[0]
-    if parts[0] == "moveit6d" and len(parts) > 1 and parts[1] in FLOOR_OF:
+    if parts[0] == "moveit6d" and len(parts) > 1 and parts[1] in LAYER_OF:
         return parts[1]
     return None
 
 
 def upward(source: str, name: str, is_package: bool = False) -> list[str]:
-    """Imports of a module from a higher floor."""
-    here = room(name)
+    """Imports of a module from a higher layer."""
+    here = package_of(name)
     if here is None:
         return []
-    rooms = {module: room(module) for module, _ in imports(source, name, is_package)}
+    packages = {module: package_of(module) for module, _ in imports(source, name, is_package)}
     return [
         f"{name} imports {module}"
-        for module, there in rooms.items()
-        if there is not None and FLOOR_OF[there] > FLOOR_OF[here]
+        for module, there in packages.items()
+        if there is not None and LAYER_OF[there] > LAYER_OF[here]
     ]
 
 
@@ -105,21 +105,21 @@ def test_rule_catches_an_upward_import() -> None:
 @pytest.mark.parametrize("path", MODULES, ids=module_name)
 def test_imports_go_downward(path: Path) -> None:
     name = module_name(path)
-    assert name in ("moveit6d", "moveit6d.__main__") or room(name), f"{name} has no floor"
+    assert name in ("moveit6d", "moveit6d.__main__") or package_of(name), f"{name} has no layer"
     assert upward(path.read_text(encoding="utf-8"), name, path.name == "__init__.py") == []
 
 
-def test_rooms_of_one_floor_do_not_import_each_other_in_a_circle() -> None:
+def test_packages_of_one_layer_do_not_import_each_other_in_a_circle() -> None:
     edges: dict[str, set[str]] = {}
     for path in MODULES:
         name = module_name(path)
-        here = room(name)
+        here = package_of(name)
         if here is None:
             continue
         source = path.read_text(encoding="utf-8")
         for module, _ in imports(source, name, path.name == "__init__.py"):
-            there = room(module)
-            if there is not None and there != here and FLOOR_OF[there] == FLOOR_OF[here]:
+            there = package_of(module)
+            if there is not None and there != here and LAYER_OF[there] == LAYER_OF[here]:
                 edges.setdefault(here, set()).add(there)
     remaining = set(edges)
     while remaining:

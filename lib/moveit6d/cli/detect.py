@@ -24,10 +24,10 @@ from .seed_options import add_seed_options
 
 DESCRIPTION = """\
 Compares every place in the image, at every size, with the object seen from all sides, refines the
-best candidates and judges them. Whether the object is there is part of the answer. It takes about a
-second an image, after a second or two of preparation, which is kept for the next call. What is
-known of where the object is makes it faster and surer: --box, --mask, --points, --distance and
---start.
+best candidates and judges them. Whether the object is there is part of the answer. It takes about
+two seconds an image with one thread, four to five where the object is not there, after a second or
+two of preparation, which is kept for the next call. What is known of where the object is makes it
+faster and surer: --box, --mask, --points, --distance and --start.
 
 files written to --output:
   poses.csv     the columns of `moveit6d track`, a row an image in the order given (more with

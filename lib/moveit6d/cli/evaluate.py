@@ -38,7 +38,7 @@ columns:
   mean, median ADD   millimetres; ADD is cut at one diameter
   frames until lost  first frame from which ADD stays above 10 % for 15 frames
   5cm/5deg           share of frames within 5 cm and 5 degrees
-  steps              median of the iterations of the loop, where the results say them
+  iterations         median of the iterations of the loop, where the results say them
   ms/frame           median of the times in the results
 
 The first frame is the given start and is not scored; a frame without a pose is wrong. Frames

@@ -52,7 +52,7 @@ LONGEST = 600  # characters of an error
 
 DESCRIPTION = """\
 Follow an object's 6D pose (rotation and translation) through a video, given the object's
-mesh, the camera's intrinsics and the pose in the first frame. No training on the object.
+mesh and the camera's intrinsics. No training on the object.
 """
 
 EXAMPLES = """\

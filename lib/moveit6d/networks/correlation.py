@@ -38,7 +38,7 @@ HEAD_SCALE = 3.0  # units that an output of 1 of the head stands for
 
 @dataclass(frozen=True)
 class CorrelationConfig:
-    """Sizes of a `CorrelationNet`; the shipped network has `extra_blocks` (1, 2, 1)."""
+    """Sizes of a `CorrelationNet`; that of examples/correlation has `extra_blocks` (1, 2, 1)."""
 
     channels: tuple[int, int, int] = (24, 32, 64)  # encoder at strides 2, 4, 8
     geometry: tuple[int, int, int] = (12, 24, 32)  # the rendering's own encoder
@@ -73,7 +73,7 @@ class CorrelationOutput:
 
 
 class CorrelationNet(nn.Module):
-    """Observation → prediction; 0.35 M parameters with the default sizes, 0.6 M as shipped."""
+    """Observation → prediction; 0.35 M parameters by default, 0.6 M in examples/correlation."""
 
     offsets: Tensor
     coarse_index: Tensor

@@ -248,8 +248,8 @@ class ImageBorderConfig:
 class AugmentConfig:
     """All that disturbs the observed crop.
 
-    The defaults are what the shipped model was trained with; the paper's numbers, each with its
-    place in the paper, stand in configs/pairs/paper.yaml.
+    The shipped model was trained with those of configs/pairs/linear_light.yaml; the paper's
+    numbers, each with its place in the paper, stand in configs/pairs/paper.yaml.
 
     Args:
         blur_and_colour_of: the whole image, as a camera does it, or, as in the paper, the object
