@@ -107,3 +107,12 @@ def test_the_pixels_keep_the_lens_and_can_be_undistorted() -> None:
     assert torch.equal(frame.undistorted.pixels, expected)
     plain = Frame(frame.pixels, CAMERA)
     assert plain.undistorted is plain
+
+
+def test_a_copy_has_pixels_of_its_own() -> None:
+    image = RGB.copy()
+    frame = prepare_frame(image, CAMERA)
+    kept = frame.copy()
+    image[:] = 0
+    assert not frame.pixels.any() and kept.camera is CAMERA
+    np.testing.assert_array_equal(kept.pixels.permute(1, 2, 0).numpy(), RGB)

@@ -10,8 +10,9 @@ candidates and other starts are refined, and a second head on the same features 
 learns from every iteration whether its loop ends below 10 % of the diameter. Nothing else changes.
 Prints, cross-validated by picture, the area under the ROC curve of the confidence and of the head.
 
-Half an hour of two cores for 80 pictures. What a picture teaches is kept in the folder of outcomes;
-killed, the same command goes on. Then `fit_probabilities.py`, whose regression of detections
+Half an hour of two cores for 80 pictures. What a picture teaches is kept in the folder of outcomes,
+which is one network's and one set of meshes' and photos' (outcomes.json); killed, the same command
+goes on. Then `fit_probabilities.py`, whose regression of detections
 belongs to the new head.
 """
 
@@ -19,9 +20,11 @@ from __future__ import annotations
 
 import argparse
 import copy
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -30,8 +33,9 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from lightning_modules.pair_data_module import PairDataModule
+from moveit6d.errors import InputError
 from moveit6d.evaluation.metrics import auroc
-from moveit6d.io import replacing
+from moveit6d.io import read_json, replacing, write_json
 from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.weights_file import load_network, save_network
 from moveit6d.parallel import run_jobs
@@ -42,6 +46,7 @@ MESHES, PHOTOS = 30, 24  # that a picture may take from
 EPOCHS, RATE, BATCH = 16, 1e-3, 512
 KEEP = 0.001  # weight of the squared distance from the layers as they were
 FOLDS = 5
+FACTS = "outcomes.json"  # beside the outcomes: what they belong to
 
 
 def main() -> None:
@@ -55,12 +60,15 @@ def main() -> None:
     parser.add_argument("--pictures", type=int, default=80)
     parser.add_argument("--jobs", type=int, default=1, help="pictures worked on at a time")
     args = parser.parse_args()
-    gather(tasks(args.meshes, args.photos, args.weights, args.pictures), args.outcomes, args.jobs)
-    known = Outcomes.joined([Outcomes.load(path) for path in sorted(args.outcomes.glob("*.npz"))])
     loaded = load_network(args.weights)
     network = loaded.network
     assert isinstance(network, CompactCorrelationNet), "only a compact network is fitted"
     plain = without_search_head(network)
+    meshes, photos = sources(args.meshes, args.photos)
+    facts = {"network": digest(plain), "meshes": len(meshes), "photos": len(photos)}
+    claim(args.outcomes, facts)
+    gather(tasks(meshes, photos, args.weights, args.pictures), args.outcomes, args.jobs)
+    known = gathered(args.outcomes, args.pictures)
     report(known, known.before, "confidence")
     report(known, cross_validated(plain.confidence_head, known), "search head")
     head = fitted(plain.confidence_head, known, seed=0)
@@ -75,10 +83,44 @@ def with_search_head(network: CompactCorrelationNet, head: nn.Sequential) -> Com
     return whole
 
 
-def tasks(meshes: Path, photos: Path, weights: Path, pictures: int) -> list[Task]:
-    """Pictures of training meshes, never of those that are held out."""
+def sources(meshes: Path, photos: Path) -> tuple[list[Path], list[Path]]:
+    """Files of training meshes, never of those that are held out, and of photographs."""
     paths = PairDataModule(meshes=meshes).mesh_paths()[0]
-    backgrounds = sorted(path for path in photos.iterdir() if path.is_file())
+    return list(paths), sorted(path for path in photos.iterdir() if path.is_file())
+
+
+def digest(network: CompactCorrelationNet) -> str:
+    """SHA-256 of a network's sizes and weights."""
+    found = hashlib.sha256(repr(network.config).encode())
+    for name, value in sorted(network.state_dict().items()):
+        found.update(name.encode())
+        found.update(value.contiguous().reshape(-1).view(torch.uint8).numpy().tobytes())
+    return found.hexdigest()
+
+
+def claim(folder: Path, facts: Mapping[str, Any]) -> None:
+    """Write beside the outcomes what they belong to.
+
+    `InputError` if there are some that belong to anything else, or nobody knows to what.
+    """
+    path, remedy = folder / FACTS, "give another folder as --outcomes, or remove them"
+    if not any(folder.glob("*.npz")):
+        write_json(path, facts)
+        return
+    if not path.is_file():
+        raise InputError(
+            f"{folder} holds outcomes, but no {FACTS} says of which network; {remedy}."
+        )
+    known = read_json(path)
+    other = [name for name, value in facts.items() if known.get(name) != value]
+    if other:
+        raise InputError(f"{folder} holds outcomes with other {', '.join(other)}; {remedy}.")
+
+
+def tasks(
+    paths: Sequence[Path], backgrounds: Sequence[Path], weights: Path, pictures: int
+) -> list[Task]:
+    """Pictures of meshes in front of photographs."""
     found = []
     for number in range(pictures):
         rng = np.random.default_rng([number, 5])
@@ -105,6 +147,14 @@ def gather(pictures: Sequence[Task], folder: Path, jobs: int) -> None:
         with replacing(_file(folder, left[done.index].number)) as path:
             done.result.save(path)
         print(f"picture {left[done.index].number}: {len(done.result.right)} iterations", flush=True)
+
+
+def gathered(folder: Path, pictures: int) -> Outcomes:
+    """What so many pictures taught, without those of which there is nothing."""
+    paths = [path for number in range(pictures) if (path := _file(folder, number)).exists()]
+    if not paths:
+        raise InputError(f"{folder}: no picture taught anything; see what is said of each above.")
+    return Outcomes.joined([Outcomes.load(path) for path in paths])
 
 
 def _file(folder: Path, number: int) -> Path:

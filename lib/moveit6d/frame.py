@@ -5,7 +5,7 @@ Never crops an object out of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -42,6 +42,10 @@ class Frame:
         if self.camera.lens is None:
             return self
         return Frame(*self.camera.undistort(self.pixels))
+
+    def copy(self) -> Frame:
+        """The frame with pixels of its own, for who keeps it: the caller may reuse the image."""
+        return replace(self, pixels=self.pixels.clone())
 
 
 def prepare_frame(image: ImageLike | Frame | None, camera: Camera) -> Frame:

@@ -14,6 +14,7 @@ from PIL import Image
 from moveit6d.cli.benchmark_detection import _photos
 from moveit6d.cli.main import main
 from moveit6d.datasets.pose_files import read_poses
+from moveit6d.errors import InputError
 from moveit6d.estimation.detection import detector
 from moveit6d.frame import prepare_frame
 
@@ -99,3 +100,9 @@ def test_photos_are_chosen_evenly(photos: Path) -> None:
     assert [name for name, _ in _photos(photos, 2)] == ["0.png", "2.png"]
     assert [name for name, _ in _photos(photos, 1)] == ["0.png"]
     assert len(_photos(photos, None)) == len(_photos(photos, 9)) == 3
+
+
+def test_photos_that_cannot_be_read_are_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "0.png").write_bytes(b"no picture")
+    with pytest.raises(InputError, match="no picture can be read"):
+        _photos(tmp_path, None)

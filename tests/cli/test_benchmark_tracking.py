@@ -9,7 +9,9 @@ from typing import Any
 import pytest
 import torch
 
-from moveit6d.cli.main import main
+from moveit6d.cli.benchmark_tracking import chosen, make_job
+from moveit6d.cli.common import Setting
+from moveit6d.cli.main import main, make_parser
 from moveit6d.datasets.pose_files import PoseRow, read_poses, write_poses
 from moveit6d.estimation import PoseTracker
 from moveit6d.geometry.pose import Pose
@@ -172,6 +174,20 @@ def test_resuming_does_only_what_is_not_done_the_same_way(
     assert main(again) == 0 and len(calls) == 3
     assert main([*again, "--max_iterations", "1"]) == 0 and len(calls) == 9
     assert main([*again, "--float32"]) == 0 and len(calls) == 15
+    picture = sequences / "hard_01" / "frames" / "000000.png"
+    picture.write_bytes(picture.read_bytes() + b"more")
+    assert main([*again, "--float32"]) == 0 and len(calls) == 18, "of other images"
+
+
+def test_workers_write_where_the_command_stands(
+    sequences: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = ["--sequences", str(sequences), "--output", "out", "--overlays", "--rerun", "logs"]
+    args = make_parser().parse_args(["benchmark", "tracking", *words, "--ray", "auto"])
+    job = make_job(chosen(args)[0], args, Setting.of(args))
+    assert job.movie == tmp_path.resolve() / "out" / "easy_00.mp4"
+    assert job.log == tmp_path.resolve() / "logs" / "easy_00.rrd"
 
 
 def test_reports_lead_from_the_worst_sequence_to_its_worst_frame(

@@ -151,6 +151,8 @@ def test_an_image_that_cannot_be_used_stops_no_others(
         (["--box", "0", "0", "1", "1"], "at least 4 wide"),
         (["--distance", "2", "1"], "nearer first"),
         (["--method", "seeds", "--box", "0", "0", "50", "50"], "leave out what narrows it"),
+        (["--boxes", "truth"], "--boxes is not for --image, but for --dataset"),
+        (["--split", "test", "--targets", "t.json"], "--split, --targets is not for --image"),
     ],
 )
 def test_what_cannot_be_used_is_refused(

@@ -6,15 +6,119 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pytest
 import torch
 
 from moveit6d.cli.main import main
-from moveit6d.datasets.bop import Instance, read_results
+from moveit6d.datasets.bop import BopDataset, BopTarget, Estimate, Instance, read_results
 from moveit6d.datasets.bop_writer import BopImage, write_bop
 
 
 def near(found: Any, true: Any) -> bool:
     return float((found.translation - true.translation).norm()) < 0.01
+
+
+@pytest.fixture
+def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, float]]:
+    """Images whose targets are found at once where they are not damaged, and the mesh's diameter.
+
+    Ctrl-C where that of image 5 is looked at for the first time.
+    """
+    seen: list[tuple[int, float]] = []
+
+    def detect(dataset: BopDataset, targets: list[BopTarget], *_: Any) -> list[Estimate]:
+        one = targets[0]
+        seen.append((one.image, dataset.mesh(7).diameter))
+        if one.image == 5 and [number for number, _ in seen].count(5) == 1:
+            raise KeyboardInterrupt
+        dataset.image(one.scene, one.image)
+        (truth,) = dataset.truth(one.scene, one.image)
+        return [Estimate(one.scene, one.image, 7, 0.9, truth.pose, 0.1)]
+
+    monkeypatch.setattr("moveit6d.cli.detect_dataset.detect_image", detect)
+    return seen
+
+
+@pytest.fixture
+def root(tmp_path: Path, scene: Any) -> Path:
+    """Images 0, 3, 5 and 6, of which 3 is damaged."""
+    images = [
+        BopImage(1, number, scene.image(number), scene.camera, [Instance(7, scene.pose(number))])
+        for number in (0, 3, 5, 6)
+    ]
+    folder = write_bop(tmp_path / "set", "test", {7: scene.mesh}, images)
+    damage(folder, 3)
+    return folder
+
+
+def damage(root: Path, image: int) -> None:
+    (path,) = (root / "test" / "000001" / "rgb").glob(f"{image:06d}.*")
+    path.write_bytes(path.read_bytes()[:200])
+
+
+def words(root: Path, *more: str) -> list[str]:
+    out = str(root.parent / "results.csv")
+    return ["detect", "--dataset", str(root), "--split", "test", "--output", out, *more]
+
+
+def test_an_image_that_cannot_be_used_stops_no_others_and_no_resuming(
+    root: Path, looked_at: list[tuple[int, float]], capsys: Any
+) -> None:
+    assert main(words(root)) == 130
+    assert "image 3 of scene 1: " in capsys.readouterr().err
+    assert main(words(root, "--resume")) == 0
+    assert "3 poses in 4 images" in capsys.readouterr().out
+    assert [image for image, _ in looked_at] == [0, 3, 5, 5, 6], "none is looked at again"
+    found = read_results(root.parent / "results.csv")
+    assert [one.image for one in found] == [0, 5, 6]
+
+
+def test_images_none_of_which_can_be_used_are_bad_input(
+    root: Path, looked_at: list[tuple[int, float]], capsys: Any
+) -> None:
+    for image in (0, 5, 6):
+        damage(root, image)
+    looked_at.append((5, 0.0))  # no Ctrl-C
+    assert main(words(root)) == 2
+    said = capsys.readouterr().err
+    assert "no image could be used; the first says: image 0 of scene 1: " in said
+    assert not (root.parent / "results.csv.unfinished").exists()
+
+
+def test_the_models_may_have_another_unit(
+    root: Path, looked_at: list[tuple[int, float]], capsys: Any
+) -> None:
+    assert main(words(root)) == 130
+    assert main(words(root, "--resume", "--mesh_unit", "cm")) == 2
+    assert "another mesh_unit" in capsys.readouterr().err
+    assert main(words(root, "--mesh_unit", "cm")) == 0
+    assert looked_at[-1][1] == pytest.approx(10 * looked_at[0][1])
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        ["--box", "0", "0", "9", "9"],
+        ["--instances", "2"],
+        ["--allow_untextured"],
+        ["--method", "seeds"],
+        ["--sinks", "2"],
+        ["--seeds.spacing", "0.5"],
+    ],
+)
+def test_what_is_for_images_alone_is_refused(
+    root: Path, looked_at: list[tuple[int, float]], more: list[str], capsys: Any
+) -> None:
+    assert main(words(root, *more)) == 2
+    assert f"{more[0]} is not for --dataset." in capsys.readouterr().err
+    assert not looked_at
+
+
+def test_a_distance_that_cannot_be_is_said_before_the_work(
+    root: Path, looked_at: list[tuple[int, float]], capsys: Any
+) -> None:
+    assert main(words(root, "--distance", "2", "1")) == 2
+    assert "nearer first" in capsys.readouterr().err and not looked_at
 
 
 def test_every_target_of_a_data_set_gets_a_line(tmp_path: Path, scene: Any, capsys: Any) -> None:
@@ -31,8 +135,6 @@ def test_every_target_of_a_data_set_gets_a_line(tmp_path: Path, scene: Any, caps
     assert [(e.scene, e.image, e.object) for e in found] == [(1, 0, 7), (1, 3, 7)]
     assert all(near(e.pose, scene.pose(e.image)) and e.score > 0.5 for e in found)
     assert found[0].seconds > 0
-    assert main([*command, "--box", "0", "0", "9", "9"]) == 2
-    assert "--box is not for --dataset" in capsys.readouterr().err
 
 
 def test_with_boxes_only_they_are_looked_into(tmp_path: Path, scene: Any, capsys: Any) -> None:

@@ -33,7 +33,7 @@ def test_what_nothing_replaces_is_removed(
     earlier(folder, report=str(folder / "report.html"), rerun=str(outside))
     clear_earlier(folder, [folder / "poses.csv", None])
     left = {path.name for path in folder.iterdir()}
-    assert left == {"summary.json", "poses.csv", "mine.txt", "run.rrd"} and outside.exists()
+    assert left == {"poses.csv", "mine.txt", "run.rrd"} and outside.exists()
     said = capsys.readouterr().err
     assert (
         "earlier track" in said and "removed: overlay.mp4, overlay_000012.mp4, report.html" in said
@@ -44,6 +44,7 @@ def test_what_is_written_anew_stays_until_then(tmp_path: Path) -> None:
     earlier(tmp_path, report=str(tmp_path / "report.html"))
     clear_earlier(tmp_path, [tmp_path / "overlay.mp4", tmp_path / "report.html"])
     assert (tmp_path / "overlay.mp4").exists() and (tmp_path / "report.html").exists()
+    assert not (tmp_path / "summary.json").exists(), "it would vouch for half of a new track"
 
 
 @pytest.mark.parametrize("summary", ["", "[]", '{"arguments": 3}', '{"arguments": {"report": 1}}'])

@@ -70,6 +70,15 @@ def test_reliability_of_bop_scores(brick: Mesh, tmp_path: Path, capsys: Any) -> 
     assert (tmp_path / "diagram.svg").exists()
 
 
+@pytest.mark.parametrize(
+    "words", [("bop19", "--reliability", "diagram"), ("add", "--targets", "test_targets.json")]
+)
+def test_options_of_the_other_errors_are_refused(words: tuple[str, ...], capsys: Any) -> None:
+    command = ["evaluate", "bop", "--dataset", "none", "--split", "test", "--results", "none.csv"]
+    assert main([*command, "--errors", *words]) == 2
+    assert f"{words[1]} is not for --errors {words[0]}" in capsys.readouterr().err
+
+
 def test_keyframe_poses_of_one_method(tmp_path: Path, capsys: Any) -> None:
     truth = Pose.stack([at(0.8)] * 4)
     moved = Pose.stack([at(0.8), at(0.85), at(0.85), at(1.2)])

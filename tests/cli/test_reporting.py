@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 
-from moveit6d.cli.reporting import check_report
+from moveit6d.cli.reporting import check_report, reporting
 from moveit6d.datasets.video import VideoFrame
 from moveit6d.errors import InputError
+from moveit6d.rendering.backends import make_renderer
 from tests.support.clip import Clip
 
 Make = Callable[..., Any]
@@ -26,9 +27,15 @@ def test_a_report_is_written_and_after_ctrl_c_too(
     assert "5 frames, 1 without a pose" in text and "not a readable image" in text
     assert text.count("<tr ") == 5 and text.count("data:image/jpeg") == 10
 
-    interrupt_update(3)
+    interrupt_update(4)
     assert clip.track("--no_overlay", "--report", str(page)) == 130
     assert "3 frames, 1 without a pose" in page.read_text()
+
+
+def test_without_a_report_nothing_is_kept(scene: Any) -> None:
+    frames = Stream(live=True)
+    with reporting(None, {}, scene.mesh, scene.camera, frames, make_renderer()) as page:
+        assert page is None
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -13,12 +13,14 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d.cli.main import main
-from moveit6d.cli.reproduce import RUNS
+from moveit6d.cli.main import main, make_parser
+from moveit6d.cli.reproduce import RUNS, _tracks
 from moveit6d.config import ActionMode
 from moveit6d.datasets.laval import write_laval_sequence
 from moveit6d.datasets.pose_files import write_camera
+from moveit6d.datasets.sequences import read_sequences
 from moveit6d.datasets.ycbv import write_ycbv_scene
+from moveit6d.estimation import PoseTracker
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import OraclePolicy
 
@@ -84,6 +86,34 @@ def test_ycb_tables_come_from_the_same_tracks(
     assert main(other) == 0, "tracks of other settings are made anew"
     after = (out / "tracks" / "0050.035_power_drill.csv").read_text()
     assert len(after.splitlines()) == 1 + 1 + 2 < len(before.splitlines())
+
+
+def test_tracks_of_other_images_are_made_anew(
+    own: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[int] = []
+    update = PoseTracker.update
+
+    def record(self: PoseTracker[Any], image: Any) -> Any:
+        calls.append(1)
+        return update(self, image)
+
+    monkeypatch.setattr(PoseTracker, "update", record)
+    videos = read_sequences(own)
+    options = ["--data", str(own), "--output", str(tmp_path / "out"), "--repeats", "1"]
+    args = make_parser().parse_args(["reproduce", "runtime", *options])
+
+    def made() -> int:
+        _tracks(args, videos, None)
+        return len(calls)
+
+    first = made()
+    assert first > 0 and made() == first
+    picture = own / "frames" / "000002.png"
+    picture.write_bytes(picture.read_bytes() + b"more")
+    assert made() == 2 * first
+    videos = [replace(video, camera=replace(video.camera, fx=179.0)) for video in videos]
+    assert made() == 3 * first
 
 
 def test_laval_has_a_column_a_model(laval: Path, tmp_path: Path, capsys: Any) -> None:

@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import av
 import pytest
+import torch
 
-from moveit6d.datasets.pose_files import read_poses
+from moveit6d.cli.common import given, weights_facts
+from moveit6d.cli.main import make_parser
+from moveit6d.cli.resuming import earlier_rows, tell
+from moveit6d.config import TrackerConfig
+from moveit6d.datasets.pose_files import PoseRow, read_poses, write_poses
+from moveit6d.datasets.video import VideoFrame
+from moveit6d.errors import InputError
+from moveit6d.estimation import PoseTracker
+from moveit6d.evaluation.run_tracker import run_tracker
+from moveit6d.geometry.pose import Pose
+from moveit6d.io import write_json
+from moveit6d.policies import OraclePolicy
+from moveit6d.rendering.backends import make_renderer
 from tests.support.clip import Clip
 
 Make = Callable[..., Any]
@@ -38,3 +53,95 @@ def test_a_track_is_gone_on_with(
     assert clip.summary()["frames"] == 5 and clip.summary()["interrupted"] is False
     assert clip.track("--resume") == 0, "nothing is left to do"
     assert len(read_poses(clip.output / "poses.csv")) == 5
+
+
+def damage(clip: Clip, *numbers: int) -> None:
+    for number in numbers:
+        (clip.folder / "frames" / f"{number:06d}.png").write_bytes(b"no picture")
+
+
+def test_a_track_is_gone_on_with_over_frames_that_cannot_be_read(
+    clip: Clip, interrupt_update: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    damage(clip, 1, 2, 3)
+    options = ("--no_overlay", "--no_recovery")  # a search would take seconds
+    assert clip.track(*options) == 0
+    whole = read_poses(clip.output / "poses.csv")
+    assert [row.state for row in whole[1:4]] == ["uncertain"] * 3
+    interrupt_update(4)
+    assert clip.track(*options) == 130
+    monkeypatch.undo()
+    assert clip.track(*options, "--resume") == 0
+    gone_on = read_poses(clip.output / "poses.csv")
+    assert [(row.frame, row.state, row.stopped_by) for row in gone_on] == [
+        (row.frame, row.state, row.stopped_by) for row in whole
+    ]
+
+
+@pytest.mark.parametrize("pattern", ["++---", "++-+--", "-----+-", "++----+"])
+def test_a_tracker_that_is_told_the_rows_knows_what_the_other_knew(
+    scene: Any, pattern: str
+) -> None:
+    def tracker() -> PoseTracker[Any]:
+        oracle = OraclePolicy(Pose.stack([scene.mesh.inner(scene.pose(0))]))
+        start = scene.pose(0)
+        return PoseTracker(scene.mesh, scene.camera, start, policy=oracle, renderer=make_renderer())
+
+    image, one, other = scene.image(0), tracker(), tracker()
+    frames = [VideoFrame(k, "", image if s == "+" else None) for k, s in enumerate(pattern)]
+    for step in run_tracker(one, frames):
+        tell(other, step.row)
+    (before,), (after,) = one.tracks, other.tracks
+    assert one.supervisors[0].machine == other.supervisors[0].machine
+    for name in ("above_low", "above_high", "slow", "frames_low", "frames_unconfident"):
+        assert getattr(before, name) == getattr(after, name), name
+    assert (before.velocity is None) == (after.velocity is None)
+    if before.velocity is not None and after.velocity is not None:
+        torch.testing.assert_close(before.velocity, after.velocity, atol=1e-6, rtol=0)
+
+
+def arguments(output: Path, *more: str) -> argparse.Namespace:
+    words = ["--mesh", "a.ply", "--mesh_unit", "m", "--video", "v", "--camera", "c.json"]
+    return make_parser().parse_args(["track", *words, "--output", str(output), "--resume", *more])
+
+
+def begun(output: Path, *more: str) -> None:
+    """A folder with the first row of a track, and what it was begun with."""
+    args = arguments(output, *more)
+    write_poses(output / "poses.csv", [PoseRow(0, state="tracking")])
+    facts = {**weights_facts(args.weights), "arguments": given(args)}
+    write_json(output / "summary.json", facts)
+
+
+@pytest.mark.parametrize(
+    "option",
+    ["--texture_from_start", "--allow_untextured", "--float32", "--renderer pyrender"],
+)
+def test_what_decides_a_track_must_be_the_same(tmp_path: Path, option: str) -> None:
+    begun(tmp_path)
+    assert len(earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())) == 1
+    with pytest.raises(InputError, match=f"another {option.split()[0]};"):
+        earlier_rows(tmp_path, arguments(tmp_path, *option.split()), TrackerConfig())
+
+
+def test_weights_are_the_same_by_what_is_in_them(tmp_path: Path) -> None:
+    one, two = tmp_path / "one.safetensors", tmp_path / "two.safetensors"
+    one.write_bytes(b"weights")
+    two.write_bytes(b"weights")
+    begun(tmp_path, "--weights", str(one))
+    args = arguments(tmp_path, "--weights", str(two))
+    assert len(earlier_rows(tmp_path, args, TrackerConfig())) == 1, "the same under another name"
+    one.write_bytes(b"others")
+    args = arguments(tmp_path, "--weights", str(one))
+    with pytest.raises(InputError, match="another --weights"):
+        earlier_rows(tmp_path, args, TrackerConfig())
+
+
+def test_a_state_that_nobody_knows_is_one_sentence(tmp_path: Path) -> None:
+    begun(tmp_path)
+    rows = [PoseRow(0, state="tracking"), PoseRow(1), PoseRow(2, state="gone")]
+    write_poses(tmp_path / "poses.csv", rows)
+    with pytest.raises(InputError, match=r"poses\.csv, row of frame 2: state must be .* 'gone'"):
+        earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())
+    write_poses(tmp_path / "poses.csv", [replace(row, state="lost") for row in rows])
+    assert len(earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())) == 3

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
+from moveit6d.cli.common import Setting
 from moveit6d.cli.main import main
+from moveit6d.cli.sequence_job import settings_of_track
 from moveit6d.datasets.pose_files import read_poses
+from moveit6d.datasets.sequences import read_sequence
+from moveit6d.geometry.pose import Pose
+from moveit6d.geometry.symmetry import Symmetries
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
 from moveit6d.networks.weights_file import save_network
 
@@ -59,3 +66,51 @@ def test_two_processes_with_one_killed_give_the_same_tracks(
             assert torch.equal(mine.pose.rotation, theirs.pose.rotation)
             assert torch.equal(mine.pose.translation, theirs.pose.translation)
     assert not list((tmp_path / "two").glob(".*")), "a killed worker leaves nothing behind"
+
+
+def settings(sequence: Any, protocol: str = "none") -> dict[str, Any]:
+    return settings_of_track(sequence, Setting(None, "embree", 1), protocol)
+
+
+def test_a_track_belongs_to_its_images_camera_and_object(make_sequence: Make) -> None:
+    made = make_sequence(frames=3)
+    (sequence,) = read_sequence(made.folder)
+    before = settings(sequence)
+    assert json.loads(json.dumps(before)) == before == settings(read_sequence(made.folder)[0])
+    half_turn = np.diag([-1.0, -1.0, 1.0, 1.0])[None]
+    (made.folder / "mesh.symmetry.json").write_text('{"symmetries_discrete": "no list"}')
+    assert settings(sequence) == {**before, "symmetries": None}, "the track will say what is wrong"
+    (made.folder / "mesh.symmetry.json").unlink()
+    for other in (
+        replace(sequence, camera=replace(sequence.camera, fx=181.0)),
+        replace(sequence, camera=replace(sequence.camera, distortion=(0.1, 0.0, 0.0, 0.0))),
+        replace(sequence, mesh_unit="mm"),
+        replace(sequence, symmetries=Symmetries(half_turn)),
+        replace(sequence, images=tuple(sorted(sequence.frames.iterdir()))[1:]),
+        replace(sequence, frames=made.folder / "nowhere.mp4"),
+    ):
+        found = settings(other)
+        assert found != before and json.loads(json.dumps(found)) == found
+
+
+def test_other_images_of_the_same_names_are_another_video(make_sequence: Make) -> None:
+    made = make_sequence(frames=3)
+    (sequence,) = read_sequence(made.folder)
+    first, last = (made.folder / "frames" / f"{k:06d}.png" for k in (0, 2))
+    found = [settings(sequence)]
+    first.write_bytes(bytes(first.stat().st_size))  # of the same size
+    found.append(settings(sequence))
+    last.write_bytes(last.read_bytes() + b"more")
+    found.append(settings(sequence))
+    last.unlink()
+    found.append(settings(sequence))
+    (made.folder / "frames" / "notes.txt").write_text("no frame")
+    assert settings(sequence) == found[-1]
+    assert len({one["images"] for one in found}) == 4
+
+
+def test_a_track_with_resets_belongs_to_its_truth(make_sequence: Make) -> None:
+    (sequence,) = read_sequence(make_sequence(frames=3).folder)
+    other = replace(sequence, truth={**sequence.truth, 2: Pose.identity()})
+    assert settings(sequence, "paper") != settings(other, "paper")
+    assert settings(sequence) == settings(other), "which never sees it"

@@ -76,13 +76,31 @@ def test_a_file_is_read_and_options_go_before_it(tmp_path: Path) -> None:
         ("loop: {max_iterations: many}\n", r"loop\.max_iterations must be .*int.* found 'many'"),
         ("loop: {max_iterations: 0}\n", "1 or more"),
         ("loop: [", r"tracker\.yaml"),
+        ("loop: 3\n", r"tracker\.yaml: loop must be settings by name.* found 3\.$"),
+        (
+            "recovery: {second_look: false}\n",
+            r"tracker\.yaml: recovery\.second_look must be .*False",
+        ),
+        ("loop: {max_iterations: many}\n", r"tracker\.yaml: setting loop\.max_iterations"),
+        ("# nothing\n", r"tracker\.yaml holds no settings"),
+        ("- 1\n- 2\n", r"tracker\.yaml holds no settings"),
+        (bytes(range(256)), r"tracker\.yaml is not a text file"),
+        ("# größe\nloop: {max_iterations: 3}\n".encode("latin-1"), r"tracker\.yaml is not a text"),
     ],
 )
-def test_a_bad_file_is_one_sentence(tmp_path: Path, text: str, message: str) -> None:
-    (tmp_path / "tracker.yaml").write_text(text)
+def test_a_bad_file_is_one_sentence(tmp_path: Path, text: str | bytes, message: str) -> None:
+    content = text if isinstance(text, bytes) else text.encode()
+    (tmp_path / "tracker.yaml").write_bytes(content)
     with pytest.raises(InputError, match=message) as caught:
         parsed("--config", str(tmp_path / "tracker.yaml"))
     assert "\n" not in str(caught.value)
+
+
+def test_a_file_may_be_written_by_powershell_and_name_others_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "loop.yaml").write_text("max_iterations: 5\n")
+    (tmp_path / "tracker.yaml").write_text("loop: loop.yaml\n", encoding="utf-16")
+    found = parsed("--config", str(tmp_path / "tracker.yaml"), base=PAPER_CONFIG)
+    assert found.loop.max_iterations == 5 and found.loop.mode == "single"
 
 
 def test_bad_options_are_one_sentence(tmp_path: Path) -> None:

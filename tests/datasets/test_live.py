@@ -62,7 +62,12 @@ def test_an_address_without_a_video_is_one_sentence(address: str, path: str) -> 
 
 
 class Webcam(http.server.BaseHTTPRequestHandler):
-    """Six JPEGs one after the other, and then nothing; under another path never anything."""
+    """Six JPEGs one after the other, and then nothing; under another path never anything.
+
+    Those of `broken` are no pictures.
+    """
+
+    broken: tuple[int, ...] = ()
 
     def log_message(self, *_: object) -> None:
         pass
@@ -75,6 +80,9 @@ class Webcam(http.server.BaseHTTPRequestHandler):
             for number in range(6):
                 stream = io.BytesIO()
                 Image.fromarray(np.full((48, 64, 3), 20 * number, np.uint8)).save(stream, "JPEG")
+                if number in self.broken:
+                    stream = io.BytesIO(b"no picture" * 30)
+                    stream.seek(0, io.SEEK_END)
                 head = f"--next\r\nContent-Type: image/jpeg\r\nContent-Length: {stream.tell()}"
                 self.wfile.write(f"{head}\r\n\r\n".encode() + stream.getvalue() + b"\r\n")
         time.sleep(1.5)
@@ -95,6 +103,29 @@ def test_a_camera_in_the_net_that_falls_silent(monkeypatch: pytest.MonkeyPatch) 
         open_frames(f"{place}/silent")
     server.shutdown()
     server.server_close()
+
+
+@pytest.mark.parametrize("patience", [300, 1])
+def test_a_damaged_frame_of_a_stream_is_one_frame(
+    monkeypatch: pytest.MonkeyPatch, patience: int
+) -> None:
+    monkeypatch.setattr(live, "PATIENCE", 0.5)
+    monkeypatch.setattr(live, "MOST_DAMAGED", patience)
+    monkeypatch.setattr(Webcam, "broken", (2, 3))
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Webcam)
+    server.daemon_threads = True
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    *found, last = open_frames(f"http://127.0.0.1:{server.server_address[1]}/camera")
+    server.shutdown()
+    server.server_close()
+    known = [frame.image is not None for frame in found]
+    assert [frame.index for frame in (*found, last)] == list(range(len(found) + 1))
+    assert found[2].error == "damaged: Invalid data found when processing input"
+    assert last.image is None and "gave no more frames" in str(last.error)
+    if patience == 1:  # the second in a row is one too many
+        assert known == [True, True, False] and "Invalid data" in str(last.error)
+    else:
+        assert known[:5] == [True, True, False, False, True]
 
 
 def test_nobody_at_the_address() -> None:
@@ -141,6 +172,45 @@ def test_who_is_slow_sees_the_newest_frame_and_the_end() -> None:
     assert quick[-1] == 10 and len(quick) >= len(seen)
     with pytest.raises(ZeroDivisionError):
         list(Latest(Ticking(ZeroDivisionError())))
+
+
+class Held:
+    """A first frame, and once that is taken all the others at once; the end comes when told to."""
+
+    length, fps, live = None, None, True
+
+    def __init__(self, errors: list[str | None]) -> None:
+        self.errors = errors
+        self.taken, self.all_there, self.end = (threading.Event() for _ in range(3))
+
+    def __iter__(self) -> Iterator[VideoFrame]:
+        for number, error in enumerate([None, *self.errors]):
+            image = np.zeros((2, 2, 3), np.uint8) if error is None else None
+            yield VideoFrame(number, str(number), image, error)
+            if number == 0:
+                assert self.taken.wait(5)
+        self.all_there.set()
+        assert self.end.wait(5)
+
+
+@pytest.mark.parametrize(
+    ("errors", "expected"),
+    [
+        (["a", None, "b", None], [0, 3, 4]), ([None, "a", "b"], [0, 3]),
+        (["a", None, None], [0, 1, 3]), ([None, None], [0, 2]),
+    ],
+)  # fmt: skip
+def test_of_what_was_missed_only_the_last_error_is_told(
+    errors: list[str | None], expected: list[int]
+) -> None:
+    source, seen = Held(errors), []
+    for frame in Latest(source):
+        seen.append(frame.index)
+        source.taken.set()
+        assert source.all_there.wait(5)
+        if frame.index == len(errors):
+            source.end.set()
+    assert seen == expected
 
 
 def test_giving_up_ends_the_reading() -> None:

@@ -12,7 +12,7 @@ from moveit6d.config import DetectorConfig, RecoveryConfig, TrackerConfig
 from moveit6d.errors import InputError
 from moveit6d.estimation import StopReason, TrackingResult
 from moveit6d.estimation.detection import Detection, Evidence, FoundPose
-from moveit6d.estimation.detection.detector import Steps, finish
+from moveit6d.estimation.detection.steps import Steps, finish
 from moveit6d.estimation.half_turns import HalfTurnCheck, half_turned
 
 

@@ -10,7 +10,13 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from moveit6d.errors import InputError
-from moveit6d.estimation.inputs import camera_of, meshes_of, pose_of, poses_of
+from moveit6d.estimation.inputs import (
+    camera_of,
+    meshes_of,
+    pose_of,
+    poses_of,
+    start_poses_of,
+)
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -80,3 +86,13 @@ def test_meshes_and_cameras(brick: Mesh) -> None:
     for bad in (np.eye(3), "camera.json", None):
         with pytest.raises(InputError, match=r"must be a Camera.*from_matrix"):
             camera_of(bad)
+
+
+def test_start_poses_are_as_many_as_meshes_and_may_be_missing() -> None:
+    assert start_poses_of(None, 2) == [None, None]
+    known = start_poses_of([None, MATRIX], 2)
+    assert known[0] is None and known[1] is not None
+    torch.testing.assert_close(known[1].matrix, POSE.matrix)
+    assert len(start_poses_of([POSE, MATRIX], 2)) == 2
+    with pytest.raises(InputError, match="3 meshes need as many start poses, found 2"):
+        start_poses_of([POSE, None], 3)

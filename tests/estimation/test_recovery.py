@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,13 +20,19 @@ from moveit6d.config import (
 )
 from moveit6d.estimation import StopReason, TrackingResult
 from moveit6d.estimation.detection import Detection, Evidence, FoundPose
-from moveit6d.estimation.detection.detector import Steps
+from moveit6d.estimation.detection.steps import Steps
 from moveit6d.estimation.recovery import Supervisor
 from moveit6d.estimation.states import TrackingState
 from moveit6d.frame import Frame
+from tests.support.configs import LOOP_ONLY
 
 FRAME = Frame(torch.zeros(3, 4, 4, dtype=torch.uint8), None)  # type: ignore[arg-type]
 POSE = Pose(torch.eye(3, dtype=torch.float64), torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64))
+
+
+def found_at(pose: Pose) -> Detection:
+    result = TrackingResult(pose, 1, StopReason.MAX_ITERATIONS, 0.9, 1.0)
+    return Detection((FoundPose(result, Evidence(0.9, 0.9)),))
 
 
 class Finder:
@@ -36,17 +43,19 @@ class Finder:
     def __init__(self, length: int, finds: int) -> None:
         self.length, self.finds, self.searches = length, finds, 0
         self.near: list[bool] = []
+        self.taken: list[tuple[Pose, ...]] = []
+        self.frames: list[Frame] = []
 
     def steps(self, frame: Any, region: Any = None, given: Any = (), most: int = 0) -> Steps:
         self.searches += 1
-        assert most == (40 if region is None else 16)
-        self.near.append(region is not None)
+        near = region is not None and region.near is not None
+        assert most == (16 if near else 40)
+        self.near.append(near)
+        self.taken.append(() if region is None else region.taken)
+        self.frames.append(frame)
         for _ in range(self.length):
             yield
-        if self.searches < self.finds:
-            return Detection(())
-        result = TrackingResult(POSE, 1, StopReason.MAX_ITERATIONS, 0.9, 1.0)
-        return Detection((FoundPose(result, Evidence(0.9, 0.9)),))
+        return Detection(()) if self.searches < self.finds else found_at(POSE)
 
 
 def supervisor(finder: Finder, **options: Any) -> Supervisor:
@@ -140,6 +149,72 @@ def test_two_objects_have_states_of_their_own(
     one, other = tracker.update(scene.image(0))
     assert one.state is TrackingState.TRACKING
     assert other.state is not TrackingState.TRACKING
+
+
+def test_a_search_that_raised_is_begun_again() -> None:
+    class Broken(Finder):
+        def steps(self, frame: Any, region: Any = None, given: Any = (), most: int = 0) -> Steps:
+            yield from super().steps(frame, region, given, most)
+            if self.searches == 1:
+                raise MemoryError
+            return found_at(POSE)
+
+    finder = Broken(length=1, finds=99)
+    one = supervisor(finder)
+    one.assessed(failed(), 0.0)
+    with pytest.raises(MemoryError):
+        one.search(FRAME, POSE)
+    assert one.search(FRAME, POSE) is not None and finder.near == [True, True]
+
+
+def test_only_with_a_time_limit_a_search_keeps_a_copy_of_the_image() -> None:
+    for limit, same in ((None, True), (0.0, False)):
+        finder = Finder(length=3, finds=1)
+        one = supervisor(finder, max_milliseconds=limit)
+        one.assessed(failed(), 0.0)
+        one.search(FRAME, POSE)
+        seen = finder.frames[0].pixels
+        assert (seen.data_ptr() == FRAME.pixels.data_ptr()) is same
+        assert torch.equal(seen, FRAME.pixels)
+
+
+class Elsewhere(Finder):
+    """Finds the object where others are, unless it is told so when it begins."""
+
+    mesh = type("Centred", (), {"inner": staticmethod(lambda pose: pose)})
+
+    def is_taken(self, centred: Pose, taken: Sequence[Pose]) -> bool:
+        return any(torch.equal(centred.matrix, other.matrix) for other in taken)
+
+
+def test_who_was_found_by_another_search_in_the_meantime_is_not_found_again() -> None:
+    finder = Elsewhere(length=2, finds=1)
+    one = supervisor(finder, max_milliseconds=0.0)
+    one.assessed(failed(), 0.0)
+    assert one.search(FRAME, POSE) is None and one.search(FRAME, POSE) is None
+    assert one.search(FRAME, POSE, [POSE]) is None and one.lost
+    # The next search, of the whole image, knows of it from the beginning.
+    one.search(FRAME, POSE, [POSE])
+    assert finder.near == [True, False] and finder.taken == [(), (POSE,)]
+
+
+def test_a_lost_instance_is_not_looked_for_where_another_is_followed(
+    scene: Any, policy: Any
+) -> None:
+    away = Pose(scene.pose(0).rotation, torch.tensor([0.09, 0.07, 0.6], dtype=torch.float64))
+    meshes = [scene.mesh, scene.mesh, replace(scene.mesh, name="other")]
+    tracker = PoseTracker(
+        meshes, scene.camera, [scene.pose(0), away, away], policy=policy, config=LOOP_ONLY
+    )
+    taken: list[tuple[Pose, ...]] = []
+    for supervisor in tracker.supervisors[1:]:
+        finder = Finder(length=1, finds=99)
+        supervisor.detector, finder.taken = finder, taken  # type: ignore[assignment]
+        supervisor.tell("lost")
+    tracker.update(scene.image(0))
+    (where,), none = taken
+    torch.testing.assert_close(where.matrix, scene.pose(0).matrix)
+    assert none == ()
 
 
 def test_a_time_limit_leaves_no_frame_without_a_search() -> None:

@@ -12,10 +12,10 @@ from moveit6d import InputError, Pose, PoseDetector, PoseTracker, load_policy
 from moveit6d.config import MultiStartConfig, RecoveryConfig, SecondLookConfig, TrackerConfig
 from moveit6d.estimation import StopReason, TrackingResult
 from moveit6d.estimation.detection import Detection, Evidence, FoundPose
-from moveit6d.estimation.detection.detector import Steps
+from moveit6d.estimation.detection.steps import Steps
 from moveit6d.estimation.results import Start
 from moveit6d.estimation.second_look import SecondLook
-from moveit6d.frame import prepare_frame
+from moveit6d.frame import Frame, prepare_frame
 from moveit6d.geometry.rotation import exp_so3
 
 
@@ -29,10 +29,14 @@ class Searches:
 
     def __init__(self, found: Pose | None, length: int = 0) -> None:
         self.found, self.length, self.count = found, length, 0
+        self.taken: list[tuple[Pose, ...]] = []
+        self.frames: list[Frame] = []
 
     def __call__(self, frame: Any, region: Any, most: int) -> Steps:
         assert region.near is not None and most == 16
         self.count += 1
+        self.taken.append(region.taken)
+        self.frames.append(frame)
         for _ in range(self.length):
             yield
         if self.found is None:
@@ -95,6 +99,45 @@ def test_a_search_may_take_several_frames(scene: Any, policy: Any) -> None:
     start = Start(frame, scene.mesh, scene.mesh.inner(scene.pose(0)))
     answers = [look.better(start, 0.1) is not None for _ in range(5)]
     assert answers == [False, False, False, True, False] and searches.count == 1
+
+
+def test_a_search_that_raised_is_begun_again(scene: Any, policy: Any) -> None:
+    class Broken(Searches):
+        def __call__(self, frame: Any, region: Any, most: int) -> Steps:
+            yield from super().__call__(frame, region, most)
+            raise MemoryError
+
+    searches = Broken(None)
+    look = a_look(scene, policy, searches)
+    frame = prepare_frame(scene.image(0), scene.camera)
+    start = Start(frame, scene.mesh, scene.mesh.inner(scene.pose(0)))
+    raised = 0
+    for _ in range(12):
+        try:
+            look.better(start, 0.1)
+        except MemoryError:
+            raised += 1
+    assert searches.count == raised == 2
+
+
+def test_only_with_a_time_limit_a_search_keeps_a_copy_of_the_image(scene: Any, policy: Any) -> None:
+    for limit, same in ((None, True), (0.0, False)):
+        searches = Searches(None, length=3)
+        look = a_look(scene, policy, searches, max_milliseconds=limit)
+        frame = prepare_frame(scene.image(0), scene.camera)
+        look.better(Start(frame, scene.mesh, scene.mesh.inner(scene.pose(0))), 0.1)
+        seen = searches.frames[0].pixels
+        assert (seen.data_ptr() == frame.pixels.data_ptr()) is same
+        assert torch.equal(seen, frame.pixels)
+
+
+def test_another_instance_is_not_a_better_pose(scene: Any, policy: Any) -> None:
+    searches = Searches(scene.pose(0))
+    frame = prepare_frame(scene.image(0), scene.camera)
+    start = Start(frame, scene.mesh, scene.mesh.inner(scene.pose(1)))
+    assert a_look(scene, policy, searches).better(start, 0.1) is not None
+    assert a_look(scene, policy, searches).better(start, 0.1, [scene.pose(0)]) is None
+    assert [len(taken) for taken in searches.taken] == [0, 1]
 
 
 def test_another_pose_must_be_much_likelier(scene: Any, policy: Any) -> None:

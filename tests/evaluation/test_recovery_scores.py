@@ -11,6 +11,7 @@ import torch
 from moveit6d import Mesh, Pose
 from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.video import VideoFrame
+from moveit6d.errors import InputError
 from moveit6d.evaluation.recovery_scores import (
     FOUND_FROM,
     GONE,
@@ -32,6 +33,11 @@ def test_the_middle_becomes_other_pictures() -> None:
     replaced = [f.index for f in found if f.image is not None and f.image.max() > 0]
     assert replaced == list(range(*GONE)) and len(found) == 100
     assert found[GONE[0]].image.shape == (6, 8, 3)  # type: ignore[union-attr]
+
+
+def test_without_other_pictures_nothing_is_cut_and_it_is_said_at_once() -> None:
+    with pytest.raises(InputError, match="no other picture"):
+        cut([], [], 0)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import torch
 from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.video import VideoFrame
 from moveit6d.estimation import PoseTracker, StopReason, TrackingResult
+from moveit6d.evaluation import run_tracker as module
 from moveit6d.evaluation.metrics import add
 from moveit6d.evaluation.run_tracker import TrackedFrame, TrackSummary, run_tracker
 from moveit6d.geometry.pose import Pose
@@ -73,6 +74,32 @@ def test_a_bad_frame_fails_alone(scene: Any, tracker: PoseTracker, image: Any, w
     assert steps[1].error is not None and words in steps[1].error
 
 
+def test_unread_frames_say_nothing_of_the_object(scene: Any, tracker: PoseTracker) -> None:
+    good = scene.image(0)
+    images = [good, None, None, None, None, good]
+    frames = [VideoFrame(k, "", image) for k, image in enumerate(images)]
+    steps = list(run_tracker(tracker, frames))
+    states = [step.row.state for step in steps]
+    assert states == ["tracking", *["uncertain"] * 4, "tracking"]
+    assert [step.error for step in steps] == [None, *["no image."] * 4, None]
+    assert all(step.row.milliseconds is None for step in steps[1:5])
+
+
+def test_each_object_has_its_own_state_in_a_frame_that_cannot_be_read(scene: Any) -> None:
+    true = scene.pose(0)
+    oracle = OraclePolicy(Pose.stack([scene.mesh.inner(true)] * 2))
+    meshes = [scene.mesh, scene.mesh]
+    both = PoseTracker(meshes, scene.camera, [true, true], policy=oracle, renderer=make_renderer())
+    both.supervisors[1].tell("lost")
+    (step,) = run_tracker(both, [VideoFrame(7, "g.png", None, "gone")], ["one", "two"])
+    (other,) = step.others
+    assert [(one.row.object, one.row.state) for one in (step, other)] == [
+        ("one", "uncertain"),
+        ("two", "lost"),
+    ]
+    assert step.error == other.error == "gone" and other.row.stopped_by == "failed"
+
+
 def test_a_lost_object_has_no_pose_even_if_the_tracker_remembers_one() -> None:
     class Lost:
         def update(self, image: Any) -> TrackingResult:
@@ -115,3 +142,20 @@ def test_fifteen_frames_of_low_confidence_are_taken_for_lost() -> None:
 def test_only_so_many_failures_are_described() -> None:
     record = record_of([None] * 150)
     assert record.failed == 150 and len(record.failures) == 100
+
+
+def test_a_video_without_an_end_takes_no_more_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "KEPT_TIMES", 500)
+    monkeypatch.setattr(module, "KEPT_EVENTS", 10)
+    record = TrackSummary()
+    for frame in range(5000):
+        state = "tracking" if frame % 2 else "uncertain"
+        record.add_row(PoseRow(frame, milliseconds=float(frame), state=state))
+    assert len(record.milliseconds) == 500 and len(record.events) == 10
+    assert record.events[-1] == {"state": "tracking", "first": 4999, "last": 4999}
+    facts = record.facts()
+    assert facts["mean_milliseconds"] == 2499.5 and facts["states"] == {
+        "uncertain": 2500,
+        "tracking": 2500,
+    }
+    assert abs(facts["median_milliseconds"] - 2499.5) < 300  # type: ignore[operator]

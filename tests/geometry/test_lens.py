@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from moveit6d.errors import InputError
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.crop import PATCH_SIZE, View, crop_patch, look_at, patch_pixels
+from moveit6d.geometry.lens import DistortionModel
 from moveit6d.geometry.pose import Pose
 
 K = np.array([[410.0, 0.0, 162.0], [0.0, 400.0, 118.0], [0.0, 0.0, 1.0]])
@@ -124,6 +125,22 @@ def test_skew_shears_points_patches_and_whole_images_alike() -> None:
     whole = Camera(400, 400, 160, 120, 320, 240, skew=25.0)
     expected = torch.linalg.inv(whole.matrix) @ torch.tensor([200.0, 180.0, 1.0]).double()
     assert whole.project(expected).tolist() == pytest.approx([200.0, 180.0])
+
+
+@pytest.mark.parametrize(("lens", "model"), [(LENSES[5], "opencv"), (FISHEYE, "fisheye")])
+def test_pixels_of_a_skewed_camera_are_those_of_its_pinhole(
+    lens: tuple[float, ...], model: DistortionModel
+) -> None:
+    camera = Camera(400, 410, 160, 120, 320, 240, lens, model, skew=25.0)
+    random = np.random.default_rng(2)
+    points = np.column_stack([random.uniform(-0.3, 0.3, (40, 2)), np.ones(40)])
+    matrix = camera.matrix.numpy()
+    assert camera.lens is not None
+    pixels = camera.lens.project(points, matrix)
+    before = pixels.copy()
+    expected = (points @ matrix.T)[:, :2]
+    np.testing.assert_allclose(camera.lens.undistort(pixels, matrix), expected, atol=1e-6)
+    np.testing.assert_array_equal(pixels, before)
 
 
 def test_beyond_its_reach_a_lens_shows_nothing() -> None:

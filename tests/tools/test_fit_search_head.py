@@ -10,9 +10,13 @@ import pytest
 import torch
 from torch import nn
 
+from moveit6d.errors import InputError
 from moveit6d.evaluation.metrics import auroc
+from moveit6d.networks.compact import CompactCorrelationNet
+from moveit6d.networks.weights_file import load_network
+from moveit6d.policies import SHIPPED_WEIGHTS
 from tools import fit_search_head
-from tools.search_outcomes import Outcomes, Task
+from tools.search_outcomes import Outcomes, Task, without_search_head
 
 
 def outcomes(count: int, seed: int = 0, picture: int | None = None) -> Outcomes:
@@ -71,3 +75,38 @@ def test_a_picture_that_is_known_is_not_made_again(
     files = sorted(tmp_path.glob("*.npz"))
     assert [path.stem for path in files] == ["00000", "00001"]
     assert set(Outcomes.load(files[1]).picture.tolist()) == {1}
+
+
+def test_only_the_pictures_that_are_asked_for_count(tmp_path: Path) -> None:
+    for number in (0, 2, 7):
+        outcomes(6, picture=number).save(tmp_path / f"{number:05d}.npz")
+    (tmp_path / ".00001.4711.npz").write_bytes(b"of a process that was killed")
+    assert set(fit_search_head.gathered(tmp_path, 5).picture.tolist()) == {0, 2}
+    with pytest.raises(InputError, match="no picture taught anything"):
+        fit_search_head.gathered(tmp_path / "none", 5)
+
+
+def test_outcomes_of_another_network_or_of_an_unknown_one_are_refused(tmp_path: Path) -> None:
+    facts = {"network": "a", "meshes": 3, "photos": 2}
+    fit_search_head.claim(tmp_path / "new", {**facts, "network": "before"})
+    fit_search_head.claim(tmp_path / "new", facts)  # nothing was made: it may be another's
+    outcomes(6, picture=0).save(tmp_path / "new" / "00000.npz")
+    fit_search_head.claim(tmp_path / "new", facts)
+    for name, value in (("network", "b"), ("meshes", 4)):
+        with pytest.raises(InputError, match=f"new holds outcomes with other {name}; give another"):
+            fit_search_head.claim(tmp_path / "new", {**facts, name: value})
+    (tmp_path / "new" / fit_search_head.FACTS).unlink()
+    with pytest.raises(InputError, match=r"no outcomes\.json says of which network; give another"):
+        fit_search_head.claim(tmp_path / "new", facts)
+
+
+def test_a_network_is_known_by_what_makes_the_outcomes() -> None:
+    network = load_network(SHIPPED_WEIGHTS).network
+    assert isinstance(network, CompactCorrelationNet)
+    plain = without_search_head(network)
+    known = fit_search_head.digest(plain)
+    other = fit_search_head.with_search_head(plain, plain.confidence_head)
+    assert fit_search_head.digest(without_search_head(other)) == known
+    with torch.no_grad():
+        next(plain.parameters()).flatten()[0] += 1e-3
+    assert fit_search_head.digest(plain) != known

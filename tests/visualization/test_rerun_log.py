@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +73,20 @@ def test_everything_of_a_run_is_in_the_file(scene: Any, tmp_path: Path) -> None:
     assert sorted(pictures) == [0, 2, 3]
     lens = np.reshape(found["/camera/image"]["Pinhole:image_from_camera"][None][0], (3, 3)).T
     np.testing.assert_allclose(lens, scene.camera.matrix, rtol=1e-6)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_frame_of_another_size_is_not_shown(scene: Any, tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    path = tmp_path / "run.rrd"
+    lens = replace(scene.camera, distortion=(0.1, 0.0, 0.0, 0.0, 0.0))
+    with RerunLog(path, scene.mesh, lens) as log:
+        for number, size in enumerate([(120, 160), (60, 80), (120, 160)]):
+            image = np.zeros((*size, 3), np.uint8)
+            log.write(VideoFrame(number, "", image), PoseRow(number, confidence=0.5))
+    found = read_back(path)
+    assert sorted(found["/camera/image"]["EncodedImage:blob"]) == [0, 2]
+    assert sorted(found["/curves/confidence"]["Scalars:scalars"]) == [0, 1, 2]
 
 
 @pytest.mark.filterwarnings("ignore")

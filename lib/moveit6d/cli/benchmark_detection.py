@@ -186,6 +186,8 @@ def _photos(folder: Path, limit: int | None) -> list[tuple[str, Any]]:
     from ..datasets.video import open_frames
 
     found = [(f.name, f.image) for f in open_frames(folder) if f.image is not None]
+    if not found:
+        raise InputError(f"{folder}: no picture can be read; give a folder of photographs.")
     if limit is None or limit >= len(found):
         return found
     return [found[round(k * (len(found) - 1) / max(limit - 1, 1))] for k in range(limit)]

@@ -176,8 +176,9 @@ def make_job(sequence: Sequence, args: argparse.Namespace, setting: Setting) -> 
         settings=settings_of_track(sequence, setting, args.protocol),
         setting=setting,
         count_resets=args.count_resets,
-        movie=args.output / f"{sequence.name}.mp4" if args.overlays else None,
-        log=args.rerun / f"{sequence.name}.rrd" if args.rerun is not None else None,
+        # Workers may stand elsewhere.
+        movie=args.output.resolve() / f"{sequence.name}.mp4" if args.overlays else None,
+        log=args.rerun.resolve() / f"{sequence.name}.rrd" if args.rerun is not None else None,
         page=args.report is not None,
         facts=facts,
     )

@@ -39,7 +39,8 @@ files written to --output:
   detection.json  probabilities, what speaks for the poses, versions
 
 with --dataset, --split and --targets, --output is a BOP result file with a pose for every target.
-With --boxes it looks into those only, the best ones of each target.
+With --boxes it looks into those only, the best ones of each target. An image that cannot be used is
+named and has no pose.
 Several images and data sets: what is found is on disk at once, and --resume goes on with a run that
 was interrupted (by what lies beside the results, named *.unfinished).
 
@@ -63,7 +64,9 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--output", type=Path, required=True, metavar="PATH", help="for results")
     images = parser.add_argument_group("images")
     images.add_argument("--mesh", type=Path, metavar="FILE", help="the object")
-    images.add_argument("--mesh_unit", choices=UNITS, help="the mesh's unit")
+    images.add_argument(
+        "--mesh_unit", choices=UNITS, help="the mesh's unit; of a data set's models mm if not given"
+    )
     images.add_argument("--image", type=Path, nargs="+", metavar="FILE", help="the pictures")
     add_camera_options(images, required=False)
     images.add_argument(
@@ -113,6 +116,11 @@ def run(args: argparse.Namespace) -> int:
             f"{', '.join(missing)} missing: --mesh, --mesh_unit, --image and --camera (or --fov) "
             "are needed, or --dataset, --split and --targets."
         )
+    mixed = [
+        f"--{name}" for name in ("split", "targets", "boxes") if getattr(args, name) is not None
+    ]
+    if mixed:
+        raise InputError(f"{', '.join(mixed)} is not for --image, but for --dataset.")
     from .detect_images import run as run_images
 
     return run_images(args)

@@ -19,6 +19,8 @@ from ..errors import InputError
 from .common import Setting, make_tools, run_facts
 from .journal import Journal, estimate_line, estimate_of
 from .messages import note, progress
+from .seed_options import DEST as SEEDS
+from .seed_options import SHORT as SEEDS_SHORT
 
 if TYPE_CHECKING:
     from ..datasets.bop import BopDataset, BopTarget, Estimate
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from ..estimation import TemplateStore
     from ..estimation.detection import SearchRegion
     from ..geometry.camera import Camera
+    from ..geometry.mesh import Unit
     from ..policies import Policy
     from ..rendering.renderer import Renderer
 
@@ -39,15 +42,8 @@ def run(args: argparse.Namespace) -> int:
     from ..estimation.detection import default_store
     from ..io import check_writable
 
-    if args.split is None:
-        raise InputError("--split missing: the folder of the data set, as test.")
-    mixed = [
-        f"--{name}" for name in ("mesh", "image", "camera", "fov", "box", "mask", "points", "start")
-        if getattr(args, name) is not None
-    ]  # fmt: skip
-    if mixed or args.method != "templates":
-        raise InputError(f"{', '.join(mixed) or '--method'} is not for --dataset.")
-    dataset = BopDataset(args.dataset, args.split)
+    _check_options(args)
+    dataset = BopDataset(args.dataset, args.split, mesh_unit=_unit(args))
     name = TARGETS if args.targets is None else _targets_name(dataset, args)
     wanted = dataset.targets(name)
     boxes = _boxes(args, dataset, wanted)
@@ -55,11 +51,12 @@ def run(args: argparse.Namespace) -> int:
     for target in wanted:
         images.setdefault((target.scene, target.image), []).append(target)
     check_writable(args.output)
-    _check(dataset, images)
+    _check(dataset, images, args.distance)
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
     store = TemplateStore(default_store())
     done: list[Estimate] = []
+    errors: list[str] = []
     facts = _facts(args, images, boxes, setting)
     with Journal(args.output, facts, args.resume) as journal:
         found = [[estimate_of(line) for line in entry] for entry in journal.entries]
@@ -67,17 +64,48 @@ def run(args: argparse.Namespace) -> int:
         done += (estimate for image in found for estimate in image)
         try:
             for targets in progress(left, len(left), "detect", "image"):
-                new = detect_image(
-                    dataset, targets, policy, renderer, store, args.distance, boxes, setting.config
-                )
+                try:
+                    new = detect_image(
+                        dataset, targets, policy, renderer, store, args.distance, boxes,
+                        setting.config,
+                    )  # fmt: skip
+                except InputError as error:  # one that cannot be used does not stop the others
+                    errors.append(f"image {targets[0].image} of scene {targets[0].scene}: {error}")
+                    note(errors[-1])
+                    new = []
                 journal.add([estimate_line(estimate) for estimate in new])
                 done += new
         finally:
             if done:
                 write_results(args.output, done)
         journal.finish()
+    if errors and len(errors) == len(images):
+        raise InputError(f"no image could be used; the first says: {errors[0]}")
     print(f"{len(done)} poses in {len(images)} images: {args.output}")
     return 0
+
+
+def _check_options(args: argparse.Namespace) -> None:
+    """`InputError` for what is missing, and by name for what is for --image alone."""
+    if args.split is None:
+        raise InputError("--split missing: the folder of the data set, as test.")
+    names = ("mesh", "image", "camera", "fov", "box", "mask", "points", "start")
+    mixed = [f"--{name}" for name in names if getattr(args, name) is not None]
+    mixed += ["--instances"] * (args.instances != 1)
+    mixed += ["--allow_untextured"] * args.allow_untextured
+    mixed += ["--method"] * (args.method != "templates")
+    for key in vars(args):
+        if key.startswith(SEEDS):
+            name = key.removeprefix(SEEDS)
+            mixed.append(f"--{name}" if name in SEEDS_SHORT else f"--{key}")
+    if mixed:
+        raise InputError(f"{', '.join(mixed)} is not for --dataset.")
+
+
+def _unit(args: argparse.Namespace) -> Unit:
+    """The unit of the models, BOP's where nothing is said."""
+    unit: Unit = args.mesh_unit or "mm"
+    return unit
 
 
 def _facts(
@@ -91,6 +119,7 @@ def _facts(
     return {
         "dataset": str(args.dataset.resolve()),
         "split": args.split,
+        "mesh_unit": _unit(args),
         "targets": _digest(targets),
         "distance": args.distance,
         "boxes": None if boxes is None else _digest(sorted(boxes.items())),
@@ -129,10 +158,17 @@ def _targets_name(dataset: BopDataset, args: argparse.Namespace) -> str:
     return str(args.targets.resolve() if args.targets.is_file() else args.targets)
 
 
-def _check(dataset: BopDataset, images: dict[tuple[int, int], list[BopTarget]]) -> None:
-    """Load every mesh and find every image before the long work."""
+def _check(
+    dataset: BopDataset,
+    images: dict[tuple[int, int], list[BopTarget]],
+    distance: Sequence[float] | None,
+) -> None:
+    """Load every mesh, find every image and look at the distance before the long work."""
+    from ..estimation.detection import SearchRegion
+
     for (scene, image), targets in images.items():
         dataset.check_image(scene, image)
+        SearchRegion.checked(dataset.camera(scene, image, (1, 1)), distance=distance)
         for target in targets:
             if target.object is not None:
                 dataset.mesh(target.object)

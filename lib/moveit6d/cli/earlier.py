@@ -15,14 +15,15 @@ from .messages import note
 def clear_earlier(folder: Path, written: Iterable[Path | None]) -> None:
     """Remove an earlier track's files from a folder, but those that this run writes anew.
 
-    A track is known by its summary.json, which also names its report and its file for rerun.
+    A track is known by its summary.json, which also names its report and its file for rerun; it is
+    removed, too, until this run ends.
     """
     summary = folder / "summary.json"
     if not summary.is_file():
         return
     new = {path.resolve() for path in written if path is not None}
     stale = [path for path in _files(folder, summary) if path.resolve() not in new]
-    for path in stale:
+    for path in (*stale, summary):  # an older summary must not vouch for half of a new track
         path.unlink(missing_ok=True)
     gone = f"; removed: {', '.join(path.name for path in stale)}" if stale else ""
     note(f"{folder} holds an earlier track, which is replaced{gone}.")

@@ -212,6 +212,13 @@ def bop(args: argparse.Namespace) -> int:
     from ..datasets.bop import BopDataset, read_results
     from ..evaluation.bop.add_recall import results_table, score_results, targets_of
 
+    if args.errors == "bop19" and args.reliability is not None:
+        raise InputError("--reliability is not for --errors bop19, but for --errors add.")
+    if args.errors == "add" and args.targets is not None:
+        raise InputError(
+            "--targets is not for --errors add, whose targets are those of the first file, but for "
+            "--errors bop19."
+        )
     use_threads(1)  # many small steps: more threads only wait for each other
     dataset = BopDataset(args.dataset, args.split, mesh_unit=args.mesh_unit)
     files = [(str(path), read_results(path)) for path in args.results]

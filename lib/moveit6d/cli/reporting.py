@@ -63,18 +63,21 @@ def reporting(
     camera: Camera,
     frames: FrameSource,
     renderer: Renderer,
-) -> Iterator[Gathered]:
+) -> Iterator[Gathered | None]:
     """Gather steps and write the page when the block ends, however it ends, if there was a frame.
 
-    Nothing but gathering without a path.
+    None, and nothing is kept, without a path.
     """
+    if path is None:
+        yield None
+        return
     from ..evaluation.run_tracker import LOW_CONFIDENCE
 
     gathered = Gathered()
     try:
         yield gathered
     finally:
-        if path is not None and gathered.rows:
+        if gathered.rows:
             from ..visualization.report import Run, write_report
 
             missing = sum(row.pose is None for row in gathered.rows.values())

@@ -13,18 +13,19 @@ from typing import TYPE_CHECKING, Any
 
 from ..config import TrackerConfig
 from ..errors import InputError
-from .common import plain
+from .common import plain, weights_facts
 from .narrowing import NAMES as NARROWING
 from .settings import fields_of
 
 if TYPE_CHECKING:
+    from ..config import StateConfig
     from ..datasets.pose_files import PoseRow
     from ..datasets.video import VideoFrame
     from ..evaluation.run_tracker import AnyTracker
 
 # What a run goes by: a track that was begun with others cannot be gone on with.
-SAME = ("mesh", "mesh_unit", "video", "camera", "fov", "start", "weights", "exact_start",
-        *NARROWING)  # fmt: skip
+SAME = ("mesh", "mesh_unit", "video", "camera", "fov", "start", "exact_start",
+        "texture_from_start", "allow_untextured", "renderer", "float32", *NARROWING)  # fmt: skip
 MISSING = object()
 
 
@@ -42,18 +43,14 @@ def earlier_rows(output: Path, args: argparse.Namespace, config: TrackerConfig) 
     rows = read_poses(table, whole_lines(table))
     if [*by_frame(rows, str(table))] != list(range(len(rows))):
         raise InputError(f"{table}: its frames are not 0, 1, 2, …; it cannot be gone on with.")
+    _check_states(rows, table)
     summary = output / "summary.json"
     if summary.is_file():
         content = read_json(summary)
-        before = content.get("arguments") or {}
-        other = [
-            name
-            for name in SAME
-            if name in before and before[name] != plain(getattr(args, name, None))
-        ]
-        if other:
+        argument = _other_argument(content, args)
+        if argument is not None:
             raise InputError(
-                f"{output} holds a track with another --{other[0]}; give the arguments that it was "
+                f"{output} holds a track with another --{argument}; give the arguments that it was "
                 "begun with, or another --output."
             )
         setting = _other_setting(content.get("config") or {}, config)
@@ -63,6 +60,29 @@ def earlier_rows(output: Path, args: argparse.Namespace, config: TrackerConfig) 
                 "begun with, or another --output."
             )
     return rows
+
+
+def _check_states(rows: Sequence[PoseRow], table: Path) -> None:
+    from ..estimation.states import TrackingState
+
+    known = {"", *map(str, TrackingState)}  # other programs' tables have none
+    for row in rows:
+        if row.state not in known:
+            raise InputError(
+                f"{table}, row of frame {row.frame}: state must be {', '.join(TrackingState)}, "
+                f"found {row.state[:40]!r}; correct it, or give another --output."
+            )
+
+
+def _other_argument(summary: dict[str, Any], args: argparse.Namespace) -> str | None:
+    """The first argument that is not what an earlier summary says; None if all are the same."""
+    before = summary.get("arguments") or {}
+    for name in SAME:
+        if name in before and before[name] != plain(getattr(args, name, None)):
+            return name
+    # By what is in it: another file may have come to the same place.
+    digest = weights_facts(args.weights)["weights_sha256"]
+    return "weights" if summary.get("weights_sha256", digest) != digest else None
 
 
 def _other_setting(before: dict[str, Any], config: TrackerConfig) -> str | None:
@@ -94,9 +114,22 @@ def tell(tracker: AnyTracker, row: PoseRow) -> None:
     import torch
 
     (track,), (supervisor,) = tracker.tracks, tracker.supervisors
+    if row.pose is None and row.milliseconds is None:
+        return  # a frame that could not be read tells a tracker nothing
     if row.pose is None:
         track.miss()
+        supervisor.missed()
     else:
         track.add(track.mesh.inner(row.pose.to(torch.float64)), row.confidence or 0.0)
+        supervisor.machine.update(_probability(supervisor.config.states, row))
     if row.state:
         supervisor.tell(row.state)
+
+
+def _probability(config: StateConfig, row: PoseRow) -> float:
+    """That a row's pose is right, as nearly as can be told without the contour's agreement."""
+    from ..estimation.states import TrackingState, probability_of
+
+    if row.state == TrackingState.TRACKING:
+        return 1.0
+    return probability_of(config, row.confidence or 0.0, config.usual_agreement)

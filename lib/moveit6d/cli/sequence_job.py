@@ -5,13 +5,19 @@ Never knows of other sequences and never scores for a table.
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 from collections.abc import Iterator, Mapping
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..datasets.pose_files import camera_content
+from ..datasets.video import ImageFolder
+from ..errors import InputError
+from ..evaluation.protocols import PROTOCOLS
 from ..evaluation.runner import (
     Finished,
     Tracked,
@@ -22,6 +28,7 @@ from ..evaluation.runner import (
     run_all,
     track,
 )
+from ..geometry.symmetry_file import symmetries_beside
 from ..io import file_digest
 from .common import Setting, complaining, make_tools, tools, versions, weights_facts
 from .messages import progress
@@ -32,6 +39,9 @@ if TYPE_CHECKING:
     from ..evaluation.run_tracker import TrackedFrame
     from ..policies import Policy
     from ..rendering.renderer import Renderer
+
+
+HEAD = 1 << 20  # bytes of a video, or of its first image, by which it is known
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,6 +122,11 @@ def settings_of_track(
         "first": sequence.first,
         "start": [round(n, 9) for n in sequence.start.matrix.flatten().tolist()],
         "mesh": _sha256(sequence.mesh),
+        "mesh_unit": sequence.mesh_unit,
+        "symmetries": _symmetries(sequence),
+        "camera": camera_content(sequence.camera),
+        "images": _images_digest(sequence),
+        "truth": _given_truth(sequence, protocol),
         **more,
     }
 
@@ -154,3 +169,41 @@ def _drawn(
 def _sha256(path: Path) -> str | None:
     """Of a file, None without one."""
     return file_digest(path) if path.is_file() else None
+
+
+def _symmetries(sequence: Sequence) -> list[Any] | None:
+    """As the mesh has them; None where they cannot be read, which the track says."""
+    with suppress(InputError):
+        found = sequence.symmetries
+        found = symmetries_beside(sequence.mesh) if found is None else found
+        axes = [[one.axis.tolist(), one.offset.tolist()] for one in found.continuous]
+        return [found.discrete.tolist(), axes]
+    return None
+
+
+def _images_digest(sequence: Sequence) -> str:
+    """Of the frames' names and sizes and of how the first one begins: none is decoded."""
+    files = (sequence.frames,) if sequence.images is None else sequence.images
+    digest = hashlib.sha256()
+    with suppress(InputError, OSError):  # of missing files; the track says so
+        if sequence.images is None and sequence.frames.is_dir():
+            files = ImageFolder(sequence.frames).paths
+        for file in files:
+            size = file.stat().st_size if file.is_file() else None
+            digest.update(os.fsencode(f"{file.name} {size}\n"))
+        if files and files[0].is_file():
+            with files[0].open("rb") as first:
+                digest.update(first.read(HEAD))
+    return digest.hexdigest()
+
+
+def _given_truth(sequence: Sequence, protocol: str) -> str | None:
+    """Of the true poses, None where no reset gives them to the tracker."""
+    rule = PROTOCOLS[protocol]
+    if rule.reset_every is None and rule.reset_on is None:
+        return None
+    digest = hashlib.sha256()
+    for frame, pose in sorted(sequence.truth.items()):
+        numbers = (*pose.rotation.flatten().tolist(), *pose.translation.tolist())
+        digest.update(json.dumps([frame, *(round(n, 9) for n in numbers)]).encode())
+    return digest.hexdigest()

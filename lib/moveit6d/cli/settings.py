@@ -15,8 +15,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..checks import reading
+from ..checks import shown as shown_value
 from ..config import TrackerConfig
 from ..errors import InputError
+from ..io import read_text
 
 # Options that are wanted often, beside the full name.
 SHORT = {
@@ -117,14 +120,14 @@ def settings_of(args: argparse.Namespace, base: TrackerConfig = DEFAULT) -> Trac
     parser = jsonargparse.ArgumentParser(exit_on_error=False)
     parser.add_class_arguments(TrackerConfig, None)
     parser.set_defaults(_flat(base.as_dict()))
-    parser.add_argument("--config", action="config")
+    if file is not None:
+        parser.set_defaults(_in_file(file, parser))
     try:
-        if file is not None:
-            parser.parse_args([f"--config={file}"])  # so that an error in it names the file
-        words = [] if file is None else [f"--config={file}"]
-        found = parser.instantiate(parser.parse_args([*words, *(f"--{n}={v}" for n, v in given)]))
+        found = parser.instantiate(
+            parser.parse_args([f"--{name}={value}" for name, value in given])
+        )
     except (argparse.ArgumentError, jsonargparse.ArgumentError) as error:
-        raise InputError(_sentence(str(error), file)) from None
+        raise InputError(_sentence(str(error), None)) from None
     values = {field.name: found[field.name] for field in dataclasses.fields(TrackerConfig)}
     return TrackerConfig(**values)
 
@@ -172,6 +175,29 @@ def shown(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
+def _in_file(file: Path, parser: Any) -> dict[str, Any]:
+    """Every setting by dotted name: what a YAML file says, the parser's defaults elsewhere."""
+    import jsonargparse
+    from jsonargparse.typing import Path_fr
+
+    text = read_text(file)
+    try:
+        # Files that it names lie beside it.
+        with reading(file, "settings"), Path_fr(str(file)).relative_path_context():
+            settings = parser.parse_string(text).clone(with_meta=False)
+            found = _flat(settings.as_dict())
+    except (argparse.ArgumentError, jsonargparse.ArgumentError) as error:
+        raise InputError(_sentence(str(error), file)) from None
+    known = {name for name, *_ in fields_of(DEFAULT)}
+    for name, value in found.items():
+        if name not in known:  # a group of settings, which the parser takes for anything
+            raise InputError(
+                f"{file}: {name} must be settings by name, nested as the options are, found "
+                f"{shown_value(value)}."
+            )
+    return found
+
+
 def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     """Nested settings by dotted name."""
     found: dict[str, Any] = {}
@@ -185,13 +211,16 @@ def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 def _sentence(text: str, file: Path | None) -> str:
     """One sentence from the parser's report."""
+    where = "the settings" if file is None else str(file)
     key = re.search(r'[Kk]ey "([\w.]+)"', text)
     value = re.search(r"(?:Given|Got) value: (.*)", text)
     known = {name: kind for name, kind, _, _ in fields_of(DEFAULT)}
     if key and value and key[1] in known:
         kind = str(known[key[1]]).replace("typing.", "")
         kind = getattr(known[key[1]], "__name__", kind) if "[" not in kind else kind
-        return f"Setting {key[1]} must be {kind}, found {value[1].strip()!r}."
+        begin = "Setting" if file is None else f"{file}: setting"
+        return f"{begin} {key[1]} must be {kind}, found {value[1].strip()!r}."
+    if text.startswith("Unexpected config"):  # goes on with all of it
+        return f"{where} holds no settings; they are names and values, nested as the options are."
     lines = [line.strip() for line in text.splitlines() if line.strip()]
-    where = "the settings" if file is None else str(file)
     return f"{where}: {' '.join(lines[:2])}"

@@ -201,7 +201,8 @@ def run(args: argparse.Namespace) -> int:
             for record, one in zip(records, (step, *step.others), strict=True):
                 table.write(one.row)
                 record.add(one)
-            page.add(step)
+            if page is not None:
+                page.add(step)
             if movie is not None:
                 movie.write(draw_step(step, meshes, camera, renderer))
             if log is not None:

@@ -12,6 +12,7 @@ from typing import Any
 from ..errors import InputError
 from .detection import DetectorConfig
 from .loop import LoopConfig
+from .ranges import check_range
 from .recovery import RecoveryConfig
 
 
@@ -30,6 +31,15 @@ class PerturbationConfig:
     shift: tuple[float, float, float]
     rotation: tuple[float, float]
     fine: bool = False
+
+    def __post_init__(self) -> None:
+        check_range(self, "0 or more", "count")
+        check_range(self, "0 or more and finite", "shift", "rotation")
+        if not self.rotation[0] <= self.rotation[1]:
+            raise InputError(
+                "PerturbationConfig: rotation must be two numbers, the smaller first, found "
+                f"{self.rotation}."
+            )
 
 
 @dataclass(frozen=True)
@@ -70,6 +80,8 @@ class MultiStartConfig:
     def __post_init__(self) -> None:
         if not 0 <= self.below <= 1:
             raise InputError(f"MultiStartConfig: below must be a confidence, found {self.below}.")
+        check_range(self, "1 or more", "recovery_every", "batch_size")
+        check_range(self, "0 or more", "recovery_first", "rounds", "duplicate_delta")
 
 
 @dataclass(frozen=True)
@@ -80,12 +92,22 @@ class MotionConfig:
         slow_delta: an object that moved by less than this on every axis, in action units, starts
             the next frame in the fine stage.
         velocity_rate: share of the mean velocity that each confident frame replaces.
-        velocity_decay: share of its velocity that an unseen object keeps from frame to frame.
+        velocity_decay: share of its velocity that an unseen object keeps from frame to frame, below
+            1: its way has an end.
     """
 
     slow_delta: float = 6.0
     velocity_rate: float = 0.5
     velocity_decay: float = 0.93
+
+    def __post_init__(self) -> None:
+        check_range(self, "0 or more", "slow_delta")
+        check_range(self, "from 0 to 1", "velocity_rate")
+        if not 0 <= self.velocity_decay < 1:
+            raise InputError(
+                "MotionConfig: velocity_decay must be 0 or more and below 1, found "
+                f"{self.velocity_decay}."
+            )
 
 
 @dataclass(frozen=True)
@@ -148,6 +170,31 @@ class ContourConfig:
     pixel_error: float = 0.02
     histogram_rate: float = 0.2
 
+    def __post_init__(self) -> None:
+        if not self.scales or not all(some and min(some) >= 1 for some in self.scales):
+            raise InputError(
+                "ContourConfig: scales must be one or more lists of one or more numbers of pixels, "
+                f"each 1 or more, found {self.scales}."
+            )
+        if not 1 <= self.bins <= 256:
+            raise InputError(f"ContourConfig: bins must be from 1 to 256, found {self.bins}.")
+        if not 0 <= self.amplitude <= 0.5:
+            raise InputError(
+                f"ContourConfig: amplitude must be from 0 to 0.5, found {self.amplitude}."
+            )
+        if not 0 < self.pixel_error < 0.5:
+            raise InputError(
+                "ContourConfig: pixel_error must be above 0 and below 0.5, found "
+                f"{self.pixel_error}."
+            )
+        check_range(self, "1 or more", "lines", "reach", "window", "min_pixels")
+        check_range(self, "above 0", "correlation", "outlier", "slope", "min_deviation")
+        check_range(self, "above 0", "bin_blur", "band")
+        check_range(self, "above 0 and finite", "prior", "normal_blur", "rare")
+        check_range(self, "0 or more", "moves_below", "min_lines", "max_step", "max_delta")
+        check_range(self, "0 or more", "agreement_error")
+        check_range(self, "from 0 to 1", "histogram_rate")
+
 
 @dataclass(frozen=True)
 class CalibrationConfig:
@@ -176,6 +223,9 @@ class CalibrationConfig:
             raise InputError(
                 f"CalibrationConfig: disagreement must be positive, found {self.disagreement}."
             )
+        check_range(self, "0 or more", "pairs", "max_bias")
+        check_range(self, "0 or more and finite", "spread")
+        check_range(self, "from 0 to 1", "share")
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,8 @@ from .video import ReadBeside, VideoFrame, to_upright_rgb
 STREAMED = ("rtsp", "rtsps", "rtmp", "rtmps", "rtp", "udp", "srt", "tcp", "mms")
 FETCHED = ("http", "https", "ftp")
 PATIENCE = 10.0  # seconds without an answer after which a connection is given up
+# Damaged frames in a row after which it is, too: more than lie between a stream's key frames.
+MOST_DAMAGED = 300
 
 
 def is_address(source: str) -> bool:
@@ -30,8 +32,9 @@ def is_address(source: str) -> bool:
 class NetworkVideo:
     """The frames of a video at an address: rtsp://…, http://… and what else ffmpeg knows.
 
-    `live` says whether it goes on without us. A connection that breaks is one last frame with an
-    error. User name and password of the address are in no name and no message.
+    `live` says whether it goes on without us. A damaged frame is a frame with an error, a
+    connection that breaks is one last such frame. User name and password of the address are in no
+    name and no message.
     """
 
     length: int | None = None
@@ -52,15 +55,27 @@ class NetworkVideo:
     def __iter__(self) -> Iterator[VideoFrame]:
         import av
 
-        index = 0
+        index = damaged = 0
         try:
             with self._open() as container:
-                for picture in container.decode(container.streams.video[0]):
-                    yield VideoFrame(index, f"{self.name}#{index:06d}", to_upright_rgb(picture))
-                    index += 1
+                for packet in container.demux(container.streams.video[0]):
+                    try:
+                        pictures = packet.decode()
+                    except av.error.FFmpegError as error:
+                        damaged += 1
+                        if damaged > MOST_DAMAGED:
+                            raise
+                        message = f"damaged: {_reason(error)}"
+                        yield VideoFrame(index, self._name(index), None, message)
+                        index += 1
+                        continue
+                    for picture in pictures:
+                        damaged = 0
+                        yield VideoFrame(index, self._name(index), to_upright_rgb(picture))
+                        index += 1
         except (av.error.FFmpegError, OSError) as error:
             message = f"{self.name} gave no more frames ({_reason(error)})."
-            yield VideoFrame(index, f"{self.name}#{index:06d}", None, message)
+            yield VideoFrame(index, self._name(index), None, message)
 
     def _open(self) -> Any:
         import av
@@ -74,6 +89,9 @@ class NetworkVideo:
                 "it answer from here?"
             ) from None
 
+    def _name(self, index: int) -> str:
+        return f"{self.name}#{index:06d}"
+
 
 class Latest(ReadBeside):
     """The newest frame of a source each time one is asked for; those in between are left out.
@@ -83,14 +101,15 @@ class Latest(ReadBeside):
     """
 
     def __iter__(self) -> Iterator[VideoFrame]:
+        # At most the last error, the newest frame behind it, and the end.
         newest: list[VideoFrame | BaseException | None] = []
         changed, given_up = threading.Condition(), threading.Event()
 
         def put(item: VideoFrame | BaseException | None) -> None:
             with changed:
-                # The end and errors are never overtaken.
-                if newest and isinstance(newest[-1], VideoFrame) and newest[-1].error is None:
-                    newest.pop()
+                if isinstance(item, VideoFrame):
+                    errors = [one for one in newest if isinstance(one, VideoFrame) and one.error]
+                    newest[:] = [] if item.error else errors[-1:]
                 newest.append(item)
                 changed.notify()
 

@@ -67,6 +67,21 @@ def poses_of(poses: Any, name: str = "Start pose") -> list[Pose]:
     return [pose for one in poses for pose in poses_of(one, name)]
 
 
+def start_poses_of(poses: Any, count: int) -> list[Pose | None]:
+    """A pose or None for each of so many meshes; `InputError` for another number of poses."""
+    if poses is None:
+        return [None] * count
+    given: list[Pose | None] = []
+    if isinstance(poses, Sequence) and any(pose is None for pose in poses):
+        for pose in poses:
+            given += [None] if pose is None else poses_of(pose)
+    else:
+        given += poses_of(poses)
+    if count != len(given):
+        raise InputError(f"{count} meshes need as many start poses, found {len(given)}.")
+    return given
+
+
 def pose_of(pose: Any, name: str = "Start pose") -> Pose:
     """A single pose; `InputError` for several."""
     if isinstance(pose, Pose):

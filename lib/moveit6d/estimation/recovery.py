@@ -5,13 +5,14 @@ Never decides that an object is lost and never remembers more than the search th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from ..config import RecoveryConfig
 from ..frame import Frame
 from ..geometry.pose import Pose
 from .detection import Detection, PoseDetector, SearchRegion
-from .detection.detector import Steps, within
+from .detection.steps import Steps, within
 from .half_turns import HalfTurnCheck
 from .results import StopReason, TrackingResult
 from .second_look import SecondLook
@@ -73,26 +74,48 @@ class Supervisor:
         state = self.machine.update(0.0)
         return TrackingResult(None, 0, StopReason.FAILED, 0.0, 0.0, error, state=state)
 
-    def search(self, frame: Frame, last: Pose | None) -> Pose | None:
+    def unread(self, error: str) -> TrackingResult:
+        """The result for a frame that cannot be used: it says nothing of the object."""
+        state = self.machine.state
+        state = state if state is TrackingState.LOST else TrackingState.UNCERTAIN
+        return TrackingResult(None, 0, StopReason.FAILED, 0.0, 0.0, error, state=state)
+
+    def search(self, frame: Frame, last: Pose | None, taken: Sequence[Pose] = ()) -> Pose | None:
         """Go on looking; a pose (mesh file's frame) to follow the object from, once it is found.
 
-        `last` is where the object was seen last. The pose may be that of an earlier frame.
+        `last` is where the object was seen last, `taken` where other instances of its mesh are,
+        which are followed. The pose may be that of an earlier frame.
         """
         assert self.detector is not None
         if self._steps is None:
             if self._waiting > 0:
                 self._waiting -= 1
                 return None
-            self._steps = self._begin(self.detector, frame, last if self._near else None)
-        found = within(self._steps, self.config.max_milliseconds)
-        return None if found is None else self._finished(found)
+            self._steps = self._begin(self.detector, frame, last if self._near else None, taken)
+        try:
+            found = within(self._steps, self.config.max_milliseconds)
+        except BaseException:
+            self._steps = None  # a generator that raised has ended
+            raise
+        if found is None:
+            return None
+        pose = self._finished(found)
+        # Another search may have found that instance in the meantime.
+        if pose is None or not taken:
+            return pose
+        return None if self.detector.is_taken(self.detector.mesh.inner(pose), taken) else pose
 
-    def _begin(self, detector: PoseDetector, frame: Frame, near: Pose | None) -> Steps:
+    def _begin(
+        self, detector: PoseDetector, frame: Frame, near: Pose | None, taken: Sequence[Pose]
+    ) -> Steps:
         """A new search: near a pose, or in the whole image."""
+        if self.config.max_milliseconds is not None:
+            frame = frame.copy()  # the search goes on when the caller has the image again
         if near is None:
-            return detector.steps(frame, most=detector.config.stages[0][0])
-        most = self.config.near_candidates
-        return detector.steps(frame, SearchRegion(near=near), (near,), most=most)
+            region = SearchRegion(taken=tuple(taken)) if taken else None
+            return detector.steps(frame, region, most=detector.config.stages[0][0])
+        most, region = self.config.near_candidates, SearchRegion(near=near, taken=tuple(taken))
+        return detector.steps(frame, region, (near,), most=most)
 
     def _finished(self, found: Detection) -> Pose | None:
         # A time limit bounds what searches cost by itself.

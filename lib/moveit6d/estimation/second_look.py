@@ -5,13 +5,14 @@ Never decides that an object is lost.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from ..config import RecoveryConfig
 from ..frame import Frame
 from ..geometry.pose import Pose
 from .detection import PoseDetector, SearchRegion
-from .detection.detector import Steps, within
+from .detection.steps import Steps, within
 from .refine import refine_starts
 from .results import Refined, Start
 from .states import log_odds
@@ -51,13 +52,14 @@ class SecondLook:
         self._waiting, self._unasked = self.config.interval // 2, self.config.after_found
         self._steps = None
 
-    def better(self, start: Start, confidence: float) -> Refined | None:
+    def better(self, start: Start, confidence: float, taken: Sequence[Pose] = ()) -> Refined | None:
         """Where the loop ends from another pose nearby, if that is much likelier.
 
-        Called once a frame with the pose found there (`start`) and its confidence. Begins a search
-        where that is low, or where the object was found lately; it may end in a later frame.
+        Called once a frame with the pose found there (`start`), its confidence, and where other
+        instances of the mesh are (`taken`, mesh file's frame). Begins a search where the confidence
+        is low, or where the object was found lately; it may end in a later frame.
         """
-        found = self._search(start, confidence)
+        found = self._search(start, confidence, taken)
         if found is None:
             return None
         detector = self.detector
@@ -67,23 +69,31 @@ class SecondLook:
             renderer=detector.renderer,
             loop=detector.settings.loop,
         )[0]
+        if other.centred is None or detector.is_taken(other.centred, taken):
+            return None
         gain = log_odds(other.confidence) - log_odds(confidence)
-        return other if other.centred is not None and gain > self._evidence else None
+        return other if gain > self._evidence else None
 
-    def _search(self, start: Start, confidence: float) -> Pose | None:
+    def _search(self, start: Start, confidence: float, taken: Sequence[Pose]) -> Pose | None:
         """The centred pose found near that of a start, if a search ends in this frame."""
         self._waiting = max(0, self._waiting - 1)
         if self._steps is None:
             if self._waiting or (confidence >= self.config.below and not self._unasked):
                 return None
-            self._steps = self._begin(start.frame, start.mesh.outer(start.centred))
-        found = within(self._steps, self.limit)
+            near = start.mesh.outer(start.centred)
+            region = SearchRegion(near=near, taken=tuple(taken))
+            self._steps = self._begin(start.frame, region)
+        try:
+            found = within(self._steps, self.limit)
+        except BaseException:
+            self._steps = None  # a generator that raised has ended
+            raise
         if found is None:
             return None
         self._steps = None
         return None if found.pose is None else start.mesh.inner(found.pose)
 
-    def _begin(self, frame: Frame, near: Pose) -> Steps:
+    def _begin(self, frame: Frame, region: SearchRegion) -> Steps:
         """A search; and when to look the next time, and how much this one must bring."""
         config = self.config
         if self._unasked:
@@ -91,4 +101,6 @@ class SecondLook:
             self._waiting, self._evidence = max(1, config.interval // 2), config.found_evidence
         else:
             self._waiting, self._evidence = config.interval, config.evidence
-        return self.detector.steps(frame, SearchRegion(near=near), most=config.stages[0][0])
+        if self.limit is not None:
+            frame = frame.copy()  # the search goes on when the caller has the image again
+        return self.detector.steps(frame, region, most=config.stages[0][0])

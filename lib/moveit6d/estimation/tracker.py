@@ -26,8 +26,9 @@ from ..typing import ImageLike
 from .calibration import depth_bias
 from .contour_stage import refine_result
 from .detection import PoseDetector, TemplateStore, can_search
+from .detection.instances import same_meshes
 from .half_turns import refined_half_turns
-from .inputs import camera_of, meshes_of, policy_of, poses_of, renderer_of
+from .inputs import camera_of, meshes_of, policy_of, renderer_of, start_poses_of
 from .keyframes import Keyframe
 from .multi_start import most_confident, perturbed_starts, uses_multi_start
 from .recovery import Supervisor
@@ -126,6 +127,7 @@ class PoseTracker(Generic[Results]):
         self.policy: Policy = policy_of(policy)
         self.renderer = renderer_of(renderer)
         self.store = store or TemplateStore()
+        self._same = same_meshes(self.meshes)
         self.tracks: list[TrackState] = []
         self.supervisors: list[Supervisor] = []
         self.reset(start)
@@ -141,7 +143,7 @@ class PoseTracker(Generic[Results]):
         None for objects that are to be looked for. `InputError`, and nothing changed, if a pose is
         missing or cannot be seen by the camera.
         """
-        given = self._given(poses)
+        given = start_poses_of(poses, len(self.meshes))
         supervisors = []
         for mesh, pose in zip(self.meshes, given, strict=True):
             detector = self._detector(mesh)
@@ -164,22 +166,6 @@ class PoseTracker(Generic[Results]):
             for mesh, pose in zip(self.meshes, given, strict=True)
         ]
         self.supervisors = supervisors
-
-    def _given(self, poses: Starts) -> list[Pose | None]:
-        """A pose or None for each mesh."""
-        if poses is None:
-            return [None] * len(self.meshes)
-        given: list[Pose | None] = []
-        if isinstance(poses, Sequence) and any(pose is None for pose in poses):
-            for pose in poses:
-                given += [None] if pose is None else poses_of(pose)
-        else:
-            given += poses_of(poses)
-        if len(self.meshes) != len(given):
-            raise InputError(
-                f"{len(self.meshes)} meshes need as many start poses, found {len(given)}."
-            )
-        return given
 
     def _detector(self, mesh: Mesh) -> PoseDetector | None:
         """What looks for an object once it is lost; None if nothing can."""
@@ -235,9 +221,13 @@ class PoseTracker(Generic[Results]):
         try:
             frame = prepare_frame(image, self.camera)
         except InputError as error:
-            return [_timed(supervisor.missed(str(error)), begin) for supervisor in self.supervisors]
+            return [_timed(supervisor.unread(str(error)), begin) for supervisor in self.supervisors]
         objects = range(len(self.tracks))
-        followed = [number for number in objects if self._look_for(frame, number)]
+        followed = [number for number in objects if not self.supervisors[number].lost]
+        for number in objects:
+            if self.supervisors[number].lost and self._is_found(frame, number, followed):
+                followed.append(number)
+        followed.sort()
         refined = dict(zip(followed, self._refine(frame, followed), strict=True))
         return [
             _timed(
@@ -249,17 +239,20 @@ class PoseTracker(Generic[Results]):
             for number in objects
         ]
 
-    def _look_for(self, frame: Frame, number: int) -> bool:
-        """Whether an object is to be followed, from where it was just found perhaps."""
+    def _is_found(self, frame: Frame, number: int, followed: Sequence[int]) -> bool:
+        """Look for a lost object; whether it is to be followed now, from where it was found."""
         supervisor, track = self.supervisors[number], self.tracks[number]
-        if not supervisor.lost:
-            return True
-        found = supervisor.search(frame, track.mesh.outer(track.last_confident))
+        last, taken = track.mesh.outer(track.last_confident), self._taken(number, followed)
+        found = supervisor.search(frame, last, taken)
         if found is None:
             return False
         again = self._begin_again(number, track.mesh.inner(found.to(torch.float64)))
         again.keyframes = track.keyframes
         return True
+
+    def _taken(self, number: int, followed: Sequence[int]) -> list[Pose]:
+        """Where other instances of an object's mesh are, of those that are followed."""
+        return [self.tracks[other].pose for other in self._same[number] if other in followed]
 
     def _begin_again(self, number: int, centred: Pose) -> TrackState:
         """Follow an object from another pose; what is known of its colours stays."""
@@ -288,17 +281,19 @@ class PoseTracker(Generic[Results]):
         )
         results = self._recover(frame, numbers, results)
         return [
-            self._turned(frame, number, self._looked_at_again(frame, number, result))
+            self._turned(frame, number, self._looked_at_again(frame, number, numbers, result))
             for number, result in zip(numbers, results, strict=True)
         ]
 
-    def _looked_at_again(self, frame: Frame, number: int, result: Refined) -> Refined:
+    def _looked_at_again(
+        self, frame: Frame, number: int, followed: Sequence[int], result: Refined
+    ) -> Refined:
         """The result, or one from a pose that a second look found, if it is much likelier."""
         look, track = self.supervisors[number].look, self.tracks[number]
         if look is None or result.centred is None:
             return result
         start = Start(frame, track.mesh, result.centred, track.depth_bias)
-        better = look.better(start, result.confidence)
+        better = look.better(start, result.confidence, self._taken(number, followed))
         if better is None or better.centred is None:
             return result
         self._begin_again(number, better.centred)

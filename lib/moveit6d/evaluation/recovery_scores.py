@@ -14,6 +14,7 @@ import numpy as np
 
 from ..datasets.pose_files import PoseRow
 from ..datasets.video import Image, VideoFrame
+from ..errors import InputError
 from ..geometry.pose import Pose
 from . import metrics
 from .tables import markdown, percent
@@ -27,7 +28,13 @@ WRONG = 0.2  # of the diameter: a pose farther off that is claimed to be tracked
 
 
 def cut(frames: Iterable[VideoFrame], photos: Sequence[Image], seed: int) -> Iterator[VideoFrame]:
-    """The frames with those of `GONE` replaced by photos, resized."""
+    """The frames with those of `GONE` replaced by photos, resized; `InputError` without a photo."""
+    if not photos:
+        raise InputError("there is no other picture to cut in; give a folder of readable pictures.")
+    return _cut(frames, photos, seed)
+
+
+def _cut(frames: Iterable[VideoFrame], photos: Sequence[Image], seed: int) -> Iterator[VideoFrame]:
     from PIL import Image as Pillow
 
     choice, photo = random.Random(seed), None

@@ -5,6 +5,8 @@ Never resets the tracker and never shows it a true pose.
 
 from __future__ import annotations
 
+import random
+from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
 LOW_CONFIDENCE = TrackerConfig().low_confidence
 FAILED = "failed"
 KEPT_FAILURES = 100
+# A live video has no end: an hour of times, and more events than anyone reads.
+KEPT_TIMES, KEPT_EVENTS = 100_000, 10_000
 
 
 @dataclass(frozen=True)
@@ -76,27 +80,17 @@ def run_tracker(
     `names` are those of the tracker's objects.
     """
     for frame in frames:
-        if frame.image is None:
-            steps = [_unread(frame, name) for name in names]
-        else:
-            found = tracker.update(frame.image)
-            results = found if isinstance(found, list) else [found]
-            steps = [
-                _step(frame, result, name) for result, name in zip(results, names, strict=True)
-            ]
+        found = tracker.update(frame.image)
+        results = found if isinstance(found, list) else [found]
+        steps = [_step(frame, result, name) for result, name in zip(results, names, strict=True)]
         yield replace(steps[0], others=tuple(steps[1:]))
 
 
-def _unread(frame: VideoFrame, name: str) -> TrackedFrame:
-    """What is known of an object in a frame that cannot be read."""
-    state = str(TrackingState.UNCERTAIN)
-    row = PoseRow(frame.index, frame.name, stopped_by=FAILED, object=name, state=state)
-    return TrackedFrame(frame, row, frame.error or "no image.")
-
-
 def _step(frame: VideoFrame, result: TrackingResult, name: str) -> TrackedFrame:
-    """What came out for one object."""
-    failed = result.pose is None or result.stopped_by.value == FAILED
+    """What came out for one object; a frame that could not be read took no time."""
+    unread = frame.image is None
+    failed = unread or result.pose is None or result.stopped_by.value == FAILED
+    error = (frame.error or "no image.") if unread else (result.error or "no pose.")
     row = PoseRow(
         frame=frame.index,
         image=frame.name,
@@ -104,25 +98,32 @@ def _step(frame: VideoFrame, result: TrackingResult, name: str) -> TrackedFrame:
         iterations=None if failed else result.iterations,
         stopped_by=result.stopped_by.value,
         confidence=None if failed else result.confidence,
-        milliseconds=result.milliseconds,
+        milliseconds=None if unread else result.milliseconds,
         object=name,
         state=str(result.state),
     )
-    return TrackedFrame(frame, row, (result.error or "no pose.") if failed else None)
+    return TrackedFrame(frame, row, error if failed else None)
 
 
 @dataclass
 class TrackSummary:
-    """What a report says of a track, gathered frame by frame in little memory."""
+    """What a report says of a track, gathered frame by frame in little memory.
+
+    Of more than `KEPT_EVENTS` events the last are kept, of more than `KEPT_TIMES` times a random
+    choice, from which the median is.
+    """
 
     frames: int = 0
     failed: int = 0
     states: dict[str, int] = field(default_factory=dict)
     events: list[dict[str, object]] = field(default_factory=list)
     failures: list[dict[str, object]] = field(default_factory=list)
-    milliseconds: list[float] = field(default_factory=list)
+    milliseconds: array[float] = field(default_factory=lambda: array("d"))
     lost_from: int | None = None
     _low_confidence_run: int = 0
+    _timed: int = 0
+    _total_milliseconds: float = 0.0
+    _random: random.Random = field(default_factory=lambda: random.Random(0))
 
     def add(self, step: TrackedFrame) -> None:
         """Take note of one more frame."""
@@ -136,10 +137,19 @@ class TrackSummary:
         self._add_state(row.state, row.frame)
         self.failed += row.pose is None
         if row.milliseconds is not None:
-            self.milliseconds.append(row.milliseconds)
+            self._add_time(row.milliseconds)
         self._low_confidence_run = 0 if is_confident(row) else self._low_confidence_run + 1
         if self._low_confidence_run == LOST_RUN and self.lost_from is None:
             self.lost_from = row.frame - LOST_RUN + 1
+
+    def _add_time(self, milliseconds: float) -> None:
+        """Keep a time, or let it take the place of another: each has the same chance to stay."""
+        self._timed += 1
+        self._total_milliseconds += milliseconds
+        if len(self.milliseconds) < KEPT_TIMES:
+            self.milliseconds.append(milliseconds)
+        elif (place := self._random.randrange(self._timed)) < KEPT_TIMES:
+            self.milliseconds[place] = milliseconds
 
     def _add_state(self, state: str, frame: int) -> None:
         """Count the state, and lengthen the event that it belongs to or begin one."""
@@ -148,6 +158,8 @@ class TrackSummary:
             self.events[-1]["last"] = frame
         else:
             self.events.append({"state": state, "first": frame, "last": frame})
+            if len(self.events) > KEPT_EVENTS:
+                del self.events[0]
 
     def facts(self) -> dict[str, object]:
         """As summary.json has it.
@@ -161,7 +173,7 @@ class TrackSummary:
             "failed": self.failed,
             "states": self.states,
             "events": self.events,
-            "mean_milliseconds": float(np.mean(times)) if times else None,
+            "mean_milliseconds": self._total_milliseconds / self._timed if times else None,
             "median_milliseconds": float(np.median(times)) if times else None,
             "lost_from_frame": self.lost_from,
             "failures": self.failures,

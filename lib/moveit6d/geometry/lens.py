@@ -103,7 +103,8 @@ class Lens:
         """Where a pinhole with K (3, 3) would have seen what the lens shows at pixels (N, 2)."""
         import cv2
 
-        points = np.ascontiguousarray(pixels, np.float64).reshape(-1, 1, 2)
+        points = np.array(pixels, np.float64).reshape(-1, 1, 2)
+        points[..., 0] -= _skewed(points[..., 1], matrix)  # of P, not of K, OpenCV heeds the skew
         module = cv2.fisheye if self.model == "fisheye" else cv2
         ends = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-9)
         lens = np.array(self.coefficients)

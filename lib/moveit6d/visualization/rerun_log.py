@@ -35,7 +35,8 @@ class RerunLog:
 
     The file appears under its name when the block ends, whatever ends it (Ctrl-C too).
     `truth` are the true poses by frame number, where they are known. Frames are shown without
-    their lens distortion. `InputError` if rerun-sdk is missing or the file cannot be written.
+    their lens distortion, and not at all if they are not of the camera's size. `InputError` if
+    rerun-sdk is missing or the file cannot be written.
     """
 
     def __init__(
@@ -74,7 +75,8 @@ class RerunLog:
         """Append one frame: its image, its row, and why it has no pose."""
         rr, stream = self._rerun, self._stream
         stream.set_time("frame", sequence=frame.index)
-        if frame.image is not None:
+        size = (self.camera.height, self.camera.width)
+        if frame.image is not None and frame.image.shape[:2] == size:
             pixels = torch.from_numpy(np.ascontiguousarray(frame.image)).permute(2, 0, 1)
             flat = self.camera.undistort(pixels)[0].permute(1, 2, 0).numpy()
             stream.log(VIEW, rr.Image(np.ascontiguousarray(flat)).compress(JPEG_QUALITY))

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
 from moveit6d import InputError, OraclePolicy, Pose
-from moveit6d.config import RegionConfig
-from moveit6d.estimation.detection import PoseDetector, detect_objects
+from moveit6d.config import DetectorConfig, RegionConfig, TemplateConfig, TrackerConfig
+from moveit6d.estimation.detection import PoseDetector, TemplateStore, detect_objects
 from moveit6d.estimation.detection.places import Place, PlaceFinder
+from moveit6d.estimation.detection.templates import TemplateBank
 from moveit6d.evaluation.metrics import add
 from moveit6d.networks.compact import CompactCorrelationNet
+from moveit6d.networks.inference import Compute
 from moveit6d.networks.weights_file import load_network
 from moveit6d.policies import SHIPPED_WEIGHTS, NetworkPolicy
 from tests.estimation.detection.conftest import Picture
@@ -135,3 +138,26 @@ def test_what_cannot_be_used_is_refused(seen: Picture, detector: PoseDetector) -
         detector.detect(np.zeros((10, 10, 3), np.uint8))
     with pytest.raises(InputError, match="behind the camera"):
         detector.detect(seen.image, start=Pose.identity())
+
+
+def test_templates_are_those_of_the_numbers_that_a_network_computes_with(
+    seen: Picture, tmp_path: Path
+) -> None:
+    few = TrackerConfig(
+        detection=DetectorConfig(templates=TemplateConfig(rotations=4, coarse_rotations=4))
+    )
+    loaded = load_network(SHIPPED_WEIGHTS).network
+
+    def prepare(source: str, compute: Compute) -> TemplateBank:
+        policy = NetworkPolicy(loaded, source, compute)
+        return PoseDetector(
+            seen.mesh, pictures.CAMERA, policy=policy, config=few, store=TemplateStore(tmp_path)
+        ).prepare()
+
+    files = []
+    kinds: list[tuple[str, Compute]]
+    kinds = [("a", "float32"), ("a", "bfloat16"), ("b", "float32"), ("", "float32")]
+    for source, compute in kinds:
+        prepare(source, compute)
+        files.append(len(list(tmp_path.iterdir())))
+    assert files == [1, 2, 3, 3]  # what has no name is not kept

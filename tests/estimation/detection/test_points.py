@@ -12,7 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from moveit6d import Camera, InputError
-from moveit6d.estimation.detection.points import poses_from_points, read_points
+from moveit6d.estimation.detection.points import (
+    poses_from_points,
+    read_points,
+    reprojection_error,
+)
 
 CAMERA = Camera(500.0, 510.0, 320.0, 240.0, 640, 480)
 CORNERS = np.array(
@@ -46,6 +50,18 @@ def test_pixels_are_those_of_the_distorted_image() -> None:
     turn, place = np.array([0.3, -0.4, 0.1]), np.array([0.1, -0.08, 0.4])
     pose = poses_from_points(clicked(camera, turn, place, CORNERS), camera)[0]
     torch.testing.assert_close(pose.translation, torch.from_numpy(place), atol=1e-4, rtol=0)
+
+
+@pytest.mark.parametrize("lens", [None, (-0.3, 0.1, 0.0, 0.0, 0.0)])
+def test_skew_is_taken_into_account(lens: tuple[float, ...] | None) -> None:
+    camera = Camera(500.0, 510.0, 320.0, 240.0, 640, 480, lens, skew=30.0)
+    turn, place = np.array([0.3, -0.4, 0.1]), np.array([0.1, -0.08, 0.4])
+    rows = clicked(camera, turn, place, CORNERS)  # OpenCV leaves the skew out
+    rows[:, 0] += 30.0 * (rows[:, 1] - 240.0) / 510.0
+    for known in (rows, rows[[0, 1, 2, 5]]):
+        pose = poses_from_points(known, camera)[0]
+        torch.testing.assert_close(pose.translation, torch.from_numpy(place), atol=1e-4, rtol=0)
+        assert reprojection_error(rows, pose, camera) < 0.01
 
 
 def test_four_points_in_a_plane_do(tmp_path: Path) -> None:

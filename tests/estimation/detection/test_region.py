@@ -96,3 +96,31 @@ def test_a_box_may_be_the_visible_part_of_a_covered_object(box: Mesh) -> None:
     sizes = torch.tensor([100.0, 100.0])
     pixels = torch.tensor([[240.0, 130.0], [275.0, 130.0]])  # over it, and beside it
     assert region.allows(box, CAMERA, pixels, sizes, edges).tolist() == [True, False]
+
+
+def test_who_is_taken_is_not_looked_at(box: Mesh) -> None:
+    near = at(box, 0.0, 0.0, 1.0)
+    region = SearchRegion(taken=(near,))
+    assert not region.empty and region.window(box, CAMERA, 100) is None
+    assert region.widths(box, CAMERA, SHARES) == SearchRegion().widths(box, CAMERA, SHARES)
+    width = 500 * box.sphere_diameter
+    aside = torch.tensor([0.0, 0.39, 0.41, 0.41]) * width
+    pixels = torch.stack([319.5 + aside, torch.full((4,), 239.5)], 1)
+    # The wider of the two counts: the last candidate is nearer than the one that is taken.
+    sizes = width * torch.tensor([0.5, 1.0, 1.0, 1.5])
+    allowed = region.allows(box, CAMERA, pixels, sizes, torch.zeros(4, 4))
+    assert allowed.tolist() == [False, False, True, False]
+    closer = region.allows(box, CAMERA, pixels, sizes, torch.zeros(4, 4), same_instance=0.2)
+    assert closer.tolist() == [False, True, True, True]
+
+
+def test_no_distance_is_so_far_that_nothing_is_seen(box: Mesh) -> None:
+    far = SearchRegion(distance=(0.5, 40.0))
+    assert far.widths(box, CAMERA, SHARES) == pytest.approx((16.0, 1000 * box.sphere_diameter))
+    large = CAMERA.resize(2560, 1920)  # there the same part of the image has more pixels
+    assert far.widths(box, large, SHARES) == pytest.approx((32.0, 4000 * box.sphere_diameter))
+    words = "even at 10 m the object would be under 16 pixels wide in an image of 640×480"
+    with pytest.raises(InputError, match=words):
+        SearchRegion(distance=(10.0, 40.0)).widths(box, CAMERA, SHARES)
+    # Without a distance small images are searched for objects as small as ever.
+    assert SearchRegion().widths(box, CAMERA.resize(160, 120), SHARES)[0] == pytest.approx(12.0)

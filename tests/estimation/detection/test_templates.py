@@ -14,8 +14,10 @@ from moveit6d import InputError, Mesh, make_renderer
 from moveit6d.config import TemplateConfig
 from moveit6d.estimation.detection.templates import (
     COLOUR_SPREAD,
+    TemplateBank,
     TemplateStore,
     colour_cells,
+    default_store,
     make_templates,
 )
 from moveit6d.observation import GREY
@@ -103,20 +105,74 @@ def test_templates_are_made_once_and_kept_on_disk(
 def test_a_file_may_hold_more_than_is_read(
     box: Mesh, network: NetworkPolicy, tmp_path: Path
 ) -> None:
-    first = TemplateStore(tmp_path).get(box, network.descriptors, make_renderer(), FEW)
+    first = TemplateStore(tmp_path).get(box, network.descriptors, make_renderer(), FEW, "net")
     (file,) = tmp_path.iterdir()
     values = load(file.read_bytes())
     file.write_bytes(save({**values, "fine.masks": torch.zeros(12, 8, 8)}))
-    again = TemplateStore(tmp_path).get(box, network.descriptors, make_renderer(), FEW)
+    again = TemplateStore(tmp_path).get(box, network.descriptors, make_renderer(), FEW, "net")
     assert torch.equal(again.fine.rows, first.fine.rows)
 
 
-def test_a_damaged_file_is_named(box: Mesh, network: NetworkPolicy, tmp_path: Path) -> None:
-    TemplateStore(tmp_path).get(box, network.descriptors, make_renderer(), FEW)
+def test_a_damaged_file_is_named_and_made_anew(
+    box: Mesh, network: NetworkPolicy, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    def get() -> TemplateBank:
+        renderer = make_renderer()
+        return TemplateStore(tmp_path).get(box, network.descriptors, renderer, FEW, "net")
+
+    first = get()
     (file,) = tmp_path.iterdir()
-    file.write_bytes(file.read_bytes()[:100])
-    with pytest.raises(InputError, match=file.name):
-        TemplateStore(tmp_path).get(box, network.descriptors, make_renderer(), FEW)
+    whole = file.read_bytes()
+    for damaged in (b"", whole[:100], b"\0" * 2000, save({"a": torch.zeros(2)})):
+        file.write_bytes(damaged)
+        caplog.clear()
+        assert torch.equal(get().fine.rows, first.fine.rows) and file.name in caplog.text
+        assert file.read_bytes() == whole
+    caplog.clear()
+    get()
+    assert not caplog.records
+
+
+def test_where_nothing_can_be_written_templates_are_kept_in_memory(
+    box: Mesh, network: NetworkPolicy, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "file").touch()
+    store = TemplateStore(tmp_path / "file" / "templates")
+    first = store.get(box, network.descriptors, make_renderer(), FEW, "net")
+    assert store.get(box, network.descriptors, make_renderer(), FEW, "net") is first
+    store.get(box, network.descriptors, make_renderer(), FEW, "another")
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert "kept in memory only" in caplog.text
+
+
+def test_without_a_home_nothing_is_kept_on_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", homeless)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    assert default_store() is None
+    monkeypatch.setenv("XDG_CACHE_HOME", "/cache")
+    assert default_store() == Path("/cache/moveit6d/templates")
+
+
+def test_networks_without_a_name_share_nothing(
+    box: Mesh, network: NetworkPolicy, tmp_path: Path
+) -> None:
+    class Nameless:
+        def __init__(self, sign: float) -> None:
+            self.sign = sign
+
+        def descriptors(self, images: torch.Tensor) -> torch.Tensor:
+            return self.sign * network.descriptors(images)
+
+    store, renderer, one = TemplateStore(tmp_path), make_renderer(), Nameless(1.0)
+    first = store.get(box, one.descriptors, renderer, FEW)
+    assert store.get(box, one.descriptors, renderer, FEW) is first
+    made = {id(first)}
+    for sign in (-1.0, 1.0, -1.0):  # each is gone when the next one is made
+        made.add(id(store.get(box, Nameless(sign).descriptors, renderer, FEW)))
+    assert len(made) == 4 and not list(tmp_path.iterdir())
 
 
 def test_settings_are_checked() -> None:

@@ -236,6 +236,13 @@ def test_depth_that_is_missing_or_of_another_size_is_said(
         image.unlink()
     (root / "camera.json").write_text(json.dumps({"width": 160, "height": 120}))
     assert score_bop19(copy, rows, targets).all.average("mspd") == 1.0
+    for known, words in (
+        ({"height": 120}, r"camera\.json has no width"),
+        ({"width": "160", "height": 120}, r"camera\.json: width must be a number"),
+    ):
+        (root / "camera.json").write_text(json.dumps(known))
+        with pytest.raises(InputError, match=words):
+            score_bop19(copy, rows, targets)
 
 
 def test_the_table_says_what_could_not_be_measured(dataset: BopDataset, renderer: Renderer) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -107,6 +108,36 @@ def test_files_are_read_back(tmp_path: Path) -> None:
     assert {n: p.tolist() for n, p in read_points(tmp_path / "points.npz").items()} == {
         n: p.tolist() for n, p in points.items()
     }
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"obj_id": ["can"]}, "obj_id must be numbers, found an array of str"),
+        ({"obj_id": [1.5]}, "obj_id must be .* whole numbers"),
+        ({"obj_id": [math.nan]}, "obj_id must be .* whole numbers"),
+        ({"obj_id": 1}, r"obj_id must be \(N,\)"),
+        (
+            {"gt": [["1", "0", "0", "0", "0", "0", "x"]]},
+            "gt must be numbers, found an array of str",
+        ),
+        ({"ours": [[True] * 7]}, "ours must be numbers, found an array of bool"),
+    ],
+)
+def test_text_is_no_pose(tmp_path: Path, change: dict[str, Any], words: str) -> None:
+    row = [1.0, 0, 0, 0, 0, 0, 0.9]
+    arrays = {"obj_id": [1], "object_names": ["a"], "gt": [row], "ours": [row]}
+    np.savez(tmp_path / "p.npz", **arrays | change)
+    with pytest.raises(InputError, match=rf"p\.npz: {words}"):
+        read_keyframe_poses(tmp_path / "p.npz")
+
+
+def test_points_are_numbers_of_any_type(tmp_path: Path) -> None:
+    np.savez(tmp_path / "p.npz", **{"01": [["x", "y", "z"]]})
+    with pytest.raises(InputError, match=r"p\.npz: points of object 1 must be numbers"):
+        read_points(tmp_path / "p.npz")
+    np.savez(tmp_path / "p.npz", **{"01": np.ones((4, 3), ">f4"), "02": np.ones((4, 3), "u2")})
+    assert all(points.dtype == torch.float64 for points in read_points(tmp_path / "p.npz").values())
 
 
 def test_quaternions_need_not_be_unit_ones(tmp_path: Path) -> None:

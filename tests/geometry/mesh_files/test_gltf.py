@@ -37,6 +37,42 @@ def test_nodes_scenes_and_mirrors(tmp_path: Path) -> None:
     assert ((np.cross(b - a, c - a) * (a + b + c)).sum(1) > 0).all()  # faces still look outwards
 
 
+def test_hidden_nodes_are_no_part_of_the_object(tmp_path: Path) -> None:
+    def visible(value: bool) -> dict[str, Any]:
+        return {"extensions": {"KHR_node_visibility": {"visible": value}}}
+
+    glb = textured_glb()
+    glb.json["extensionsUsed"] = glb.json["extensionsRequired"] = ["KHR_node_visibility"]
+    far = {"mesh": 0, "translation": [9, 9, 9]}
+    glb.json["nodes"] = [
+        {"mesh": 0, **visible(True)},
+        {**far, **visible(False), "children": [2]},
+        {**far, **visible(True), "children": [3]},  # hidden by what it hangs below
+        far,
+    ]
+    glb.json["scenes"] = [{"nodes": [0, 1]}]
+    mesh = load(glb, tmp_path)
+    np.testing.assert_allclose(mesh.vertices + mesh.center, BOX.vertices, atol=1e-6)
+    glb.json["nodes"] = [{"mesh": 0, **visible(False)}]
+    glb.json["scenes"] = [{"nodes": [0]}]
+    with pytest.raises(InputError, match=r"box\.glb"):
+        load(glb, tmp_path)
+
+
+def test_hidden_nodes_still_move_what_hangs_on_them_as_joints(tmp_path: Path) -> None:
+    glb = textured_glb()
+    count = len(BOX.vertices)
+    glb.add("JOINTS_0", np.zeros((count, 4), "u1"))
+    glb.add("WEIGHTS_0", np.tile(np.array([1, 0, 0, 0], "<f4"), (count, 1)))
+    hidden = {"extensions": {"KHR_node_visibility": {"visible": False}}}
+    glb.json["nodes"] = [{"mesh": 0, "skin": 0}, {"translation": [0.1, 0.2, 0.3], **hidden}]
+    glb.json["skins"] = [{"joints": [1]}]
+    glb.json["scenes"] = [{"nodes": [0, 1]}]
+    mesh = load(glb, tmp_path)
+    moved = BOX.vertices + (0.1, 0.2, 0.3)
+    np.testing.assert_allclose(mesh.vertices + mesh.center, moved, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

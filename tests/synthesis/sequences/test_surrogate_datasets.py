@@ -85,6 +85,14 @@ def test_another_folder_is_left_alone(tmp_path: Path, box: Mesh) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 
 
+def test_a_file_is_left_alone(tmp_path: Path, box: Mesh) -> None:
+    thesis = tmp_path / "thesis.txt"
+    thesis.write_text("years of work")
+    with pytest.raises(InputError, match=r"thesis\.txt is a file"):
+        write_laval_surrogate(thesis, {"box": box}, OPTIONS, (0,), SMALL)
+    assert thesis.read_text() == "years of work"
+
+
 def test_an_older_surrogate_is_replaced_and_a_broken_one_leaves_nothing(
     tmp_path: Path, box: Mesh
 ) -> None:

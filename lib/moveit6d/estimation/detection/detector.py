@@ -6,7 +6,6 @@ tournament of the refinement loop chooses between them; verification says whethe
 
 from __future__ import annotations
 
-import time
 from collections.abc import Generator, Sequence
 from dataclasses import replace
 from typing import Any, Literal
@@ -19,7 +18,7 @@ from ...frame import Frame, prepare_frame
 from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
-from ...policies import DescriptorPolicy, Policy, mode_of, search_policy
+from ...policies import DescriptorPolicy, NetworkPolicy, Policy, mode_of, search_policy
 from ...rendering.renderer import Renderer
 from ...threads import checked_threads, with_own_threads
 from ...typing import ImageLike
@@ -32,10 +31,12 @@ from ..seed_detector import SeedDetection, SeedDetector
 from ..seeding import seed_poses
 from ..visibility import check_start, start_problem
 from .found import Detection, FoundPose
+from .instances import first_of_instances, is_same_instance
 from .places import Place, PlaceFinder
 from .points import poses_from_points
 from .pyramid import Pyramid, ladder
 from .region import SearchRegion
+from .steps import Steps, finish
 from .templates import TemplateBank, Templates, TemplateStore
 from .verification import Evidence, similarities
 from .views import Allowed, Candidates, ViewMatcher, best_candidates
@@ -46,7 +47,6 @@ STEP_ITERATIONS = 10
 
 DEFAULT, DEFAULT_SEEDS = TrackerConfig(), SeedDetectorConfig()
 
-Steps = Generator[None, None, Detection]
 Method = Literal["templates", "seeds"]
 
 
@@ -110,9 +110,17 @@ class PoseDetector:
 
     def prepare(self) -> TemplateBank:
         """Describe the mesh from all sides, unless that has been done before."""
-        network = str(getattr(self.policy, "source", ""))
-        return self.store.get(
-            self.mesh, self.policy.descriptors, self.renderer, self.config.templates, network
+        policy, settings = self.policy, self.config.templates
+        name = _name_of(policy)
+        return self.store.get(self.mesh, policy.descriptors, self.renderer, settings, name)
+
+    def is_taken(self, centred: Pose, taken: Sequence[Pose]) -> bool:
+        """Whether a centred pose is the instance of one of `taken` (mesh file's frame)."""
+        return any(
+            is_same_instance(
+                self.mesh, self.camera, centred, self.mesh.inner(one), self.config.same_instance
+            )
+            for one in taken
         )
 
     @with_own_threads
@@ -199,7 +207,7 @@ class PoseDetector:
                 views.append(matcher.views(place, allowed))
             candidates = best_candidates(views, stages[0][0] * instances)
             poses = [*poses, *self._poses(candidates, frame.camera)][:most]
-            refined = yield from self._tournament(frame, poses, stages, instances)
+            refined = yield from self._tournament(frame, poses, stages, instances, known.taken)
             results += self._verified(frame, refined)
             yield
             found = self._answer(results, instances)
@@ -240,9 +248,11 @@ class PoseDetector:
         """Which candidates agree with what is known; None: all."""
         if region.empty:
             return None
+        config = self.config
         return lambda pixels, widths, views: region.allows(
-            self.mesh, camera, pixels, widths, templates.boxes[views], self.config.region
-        )
+            self.mesh, camera, pixels, widths, templates.boxes[views], config.region,
+            config.same_instance,
+        )  # fmt: skip
 
     def _in_sight(self, centred: Pose, camera: Camera) -> bool:
         return start_problem(centred, self.mesh, camera) is None
@@ -261,10 +271,12 @@ class PoseDetector:
         poses: Sequence[Pose],
         stages: Sequence[tuple[int, int]],
         instances: int,
+        taken: Sequence[Pose] = (),
     ) -> Generator[None, None, list[Refined]]:
         """Refine centred candidates in rounds, fewer and longer each time; the best at the end.
 
-        In the last round the best one starts turned by half, too, as cartons are found.
+        In the last round the best one starts turned by half, too, as cartons are found. What gets
+        to an instance that is `taken` is out.
         """
         results: list[Refined] = []
         for number, (count, iterations) in enumerate(stages):
@@ -278,12 +290,17 @@ class PoseDetector:
             loop = replace(self.settings.loop, max_iterations=iterations)
             batch = max(2, STEP_ITERATIONS // iterations)
             for first in range(0, len(poses), batch):
-                results += refine_starts(
+                ends = refine_starts(
                     [Start(frame, self.mesh, pose) for pose in poses[first : first + batch]],
                     policy=search_policy(self.policy),
                     renderer=self.renderer,
                     loop=loop,
                 )
+                results += [
+                    one
+                    for one in ends
+                    if one.centred is None or not self.is_taken(one.centred, taken)
+                ]
                 yield
         return results
 
@@ -320,17 +337,15 @@ class PoseDetector:
 
     def _first_of_places(self, centred: Sequence[Pose]) -> list[int]:
         """Indices of those centred poses, the best first, that are the first of their place."""
-        kept: list[int] = []
-        for k, one in enumerate(centred):
-            if not any(self._is_same(one, centred[other]) for other in kept):
-                kept.append(k)
-        return kept
+        return first_of_instances(self.mesh, self.camera, centred, self.config.same_instance)
 
-    def _is_same(self, one: Pose, other: Pose) -> bool:
-        a, b = one.translation, other.translation
-        aside = (self.camera.project(a) - self.camera.project(b)).norm()
-        width = self.camera.fx * self.mesh.sphere_diameter / float(torch.minimum(a[2], b[2]))
-        return float(aside) < self.config.same_instance * width
+
+def _name_of(policy: DescriptorPolicy) -> str:
+    """What tells a policy's descriptors from those of others; empty if nothing does."""
+    source = str(getattr(policy, "source", None) or "")
+    if not source or not isinstance(policy, NetworkPolicy):
+        return source
+    return f"{source} {'bfloat16' if policy.network.is_bfloat16 else 'float32'}"
 
 
 def _most_confident(results: Sequence[Refined], count: int) -> list[Refined]:
@@ -345,26 +360,6 @@ def _by_seeds(found: SeedDetection) -> Detection:
     if result is None or result.pose is None:
         return Detection((), seeds=found)
     return Detection((FoundPose(result),), seeds=found)
-
-
-def within(steps: Steps, milliseconds: float | None) -> Detection | None:
-    """What a search finds if it ends within so much time; None if it is to go on later."""
-    begin = time.perf_counter()
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            found: Detection = end.value
-            return found
-        if milliseconds is not None and (time.perf_counter() - begin) * 1e3 >= milliseconds:
-            return None
-
-
-def finish(steps: Steps) -> Detection:
-    """Take the steps of a detection to their end."""
-    found = within(steps, None)
-    assert found is not None
-    return found
 
 
 def can_search(policy: Policy, config: TrackerConfig) -> bool:

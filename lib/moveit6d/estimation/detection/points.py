@@ -95,6 +95,9 @@ def poses_from_points(points: Any, camera: Camera) -> list[Pose]:
     matrix = camera.matrix.numpy()
     if camera.lens is not None:
         pixels = camera.lens.undistort(pixels, matrix)
+    # OpenCV leaves the skew out: solve for a camera without it.
+    pixels[:, 0] -= matrix[0, 1] * (pixels[:, 1] - matrix[1, 2]) / matrix[1, 1]
+    matrix[0, 1] = 0.0
     solutions: list[tuple[float, Any, Any]] = []
     for method in (cv2.SOLVEPNP_SQPNP, cv2.SOLVEPNP_IPPE):
         most = FARTHEST * max(camera.width, camera.height)

@@ -14,14 +14,18 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ...config import RegionConfig
+from ...config import DetectorConfig, RegionConfig
 from ...errors import InputError
 from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 
 DEFAULT = RegionConfig()
+SAME_INSTANCE = DetectorConfig().same_instance
 SMALLEST_BOX = 4  # pixels a side
+# Pixels, and of the image's shorter side: no distance makes a search look for narrower objects.
+# They are hardly found, and the image would be enlarged beyond all measure.
+SMALLEST_WIDTH, SMALLEST_SHARE = 16, 1 / 60
 
 
 @dataclass(frozen=True)
@@ -30,13 +34,15 @@ class SearchRegion:
 
     `box` is (x, y, width, height) in pixels around what is visible of the object; `mask` (H, W)
     bool its visible pixels; `distance` (nearest, farthest) metres from the camera to the object's
-    centre; `near` a pose (mesh file's frame) that is roughly right.
+    centre; `near` a pose (mesh file's frame) that is roughly right; `taken` those of other
+    instances, where this one is not.
     """
 
     box: tuple[float, float, float, float] | None = None
     mask: NDArray[np.bool_] | None = None
     distance: tuple[float, float] | None = None
     near: Pose | None = None
+    taken: tuple[Pose, ...] = ()
 
     @staticmethod
     def checked(
@@ -73,7 +79,8 @@ class SearchRegion:
     @property
     def empty(self) -> bool:
         """Whether nothing is known."""
-        return all(v is None for v in (self.box, self.mask, self.distance, self.near))
+        known = (self.box, self.mask, self.distance, self.near)
+        return not self.taken and all(value is None for value in known)
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float] | None:
@@ -114,14 +121,13 @@ class SearchRegion:
     ) -> tuple[float, float]:
         """Smallest and largest width of the object's sphere in pixels that are to be tried.
 
-        `shares` of the image's shorter side limit them where nothing else does.
+        `shares` of the image's shorter side limit them where nothing else does. `InputError` if
+        the object is too small to be found at any distance that is given.
         """
         side = min(camera.width, camera.height)
         low, high = shares[0] * side, shares[1] * side
         if self.distance is not None:
-            focal = 0.5 * (camera.fx + camera.fy)
-            near, far = self.distance
-            low, high = focal * mesh.sphere_diameter / far, focal * mesh.sphere_diameter / near
+            low, high = _widths_between(self.distance, mesh, camera)
         bounds = self.bounds
         if bounds is not None:
             longest, (least, most) = max(bounds[2], bounds[3]), config.box_ratio
@@ -142,6 +148,7 @@ class SearchRegion:
         sizes: Tensor,
         boxes: Tensor,
         config: RegionConfig = DEFAULT,
+        same_instance: float = SAME_INSTANCE,
     ) -> Tensor:
         """Which candidates (N) may be: centres (N, 2), sphere widths (N) and template boxes (N, 4).
 
@@ -158,7 +165,26 @@ class SearchRegion:
             centre = _pixel(mesh, self.near, camera)
             width = _width(mesh, self.near, camera)
             allowed &= (pixels - centre).norm(dim=1) < config.near_shift * width
+        for other in self.taken:
+            aside = (pixels - _pixel(mesh, other, camera)).norm(dim=1)
+            allowed &= aside >= same_instance * sizes.clamp(min=_width(mesh, other, camera))
         return allowed
+
+
+def _widths_between(
+    distance: tuple[float, float], mesh: Mesh, camera: Camera
+) -> tuple[float, float]:
+    """Widths of the object's sphere, pixels, at the farthest and at the nearest distance."""
+    near, far = distance
+    product = 0.5 * (camera.fx + camera.fy) * mesh.sphere_diameter
+    least = max(SMALLEST_WIDTH, SMALLEST_SHARE * min(camera.width, camera.height))
+    if product / near < least:
+        raise InputError(
+            f"distance {near:g} {far:g}: even at {near:g} m the object would be under {least:g} "
+            f"pixels wide in an image of {camera.width}×{camera.height}, too small to be found; "
+            "check the metres and the mesh's unit."
+        )
+    return max(product / far, least), product / near
 
 
 def _width(mesh: Mesh, pose: Pose, camera: Camera) -> float:

@@ -6,11 +6,13 @@ Never sees an image of the real world and never decides where an object is.
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import torch
@@ -32,6 +34,7 @@ CELL = 8  # pixels a side that one descriptor stands for: the networks' stride
 MARGIN = 2  # cells around the object in a rendering: descriptors are centred over all of it
 # Of opponent colours in ordinary images: their unit. Their weight is `TemplateConfig.colour`.
 COLOUR_SPREAD = 0.15
+LOG = logging.getLogger("moveit6d")
 
 Describe = Callable[[Tensor], Tensor]
 
@@ -221,12 +224,15 @@ class TemplateStore:
     """Templates that were made before: in memory and, with a folder, on disk.
 
     On disk a file's name is a digest of everything that decides about it: the mesh's surface and
-    colours, the network (`network`, any text that names it) and the settings.
+    colours, the network (`network`, any text that names it) and the settings. What cannot be read
+    is made anew, what cannot be written is kept in memory; both are logged.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
         self.folder = folder
-        self._known: dict[str, TemplateBank] = {}
+        # Whose descriptors they are is kept too, or something else could come to have its id.
+        self._known: dict[tuple[str, int], tuple[TemplateBank, Any]] = {}
+        self._warned = False
 
     def get(
         self,
@@ -236,23 +242,41 @@ class TemplateStore:
         config: TemplateConfig,
         network: str = "",
     ) -> TemplateBank:
-        """The templates of a mesh; made if they are not there yet."""
-        key = _digest(mesh, config, network)
+        """The templates of a mesh; made if they are not there yet.
+
+        Those of a network without a name are kept in memory only, for that network alone.
+        """
+        owner = None if network else getattr(describe, "__self__", describe)
+        digest = _digest(mesh, config, network)
+        key = digest, id(owner)
         if key not in self._known:
-            path = None if self.folder is None else self.folder / f"{key}.safetensors"
-            if path is not None and path.is_file():
-                self._known[key] = _read(path)
-            else:
-                self._known[key] = make_templates(mesh, describe, renderer, config)
+            file = f"{digest}.safetensors"
+            path = self.folder / file if self.folder is not None and network else None
+            bank = None if path is None else _read(path)
+            if bank is None:
+                bank = make_templates(mesh, describe, renderer, config)
                 if path is not None:
-                    _write(path, self._known[key])
-        return self._known[key]
+                    self._write(path, bank)
+            self._known[key] = bank, owner
+        return self._known[key][0]
+
+    def _write(self, path: Path, bank: TemplateBank) -> None:
+        """Keep templates on disk, if that can be done."""
+        try:
+            _write(path, bank)
+        except InputError as error:
+            if not self._warned:
+                LOG.warning("Prepared meshes are kept in memory only: %s", error)
+            self._warned = True
 
 
-def default_store() -> Path:
-    """Where the command line keeps prepared meshes: the user's cache folder."""
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "moveit6d" / "templates"
+def default_store() -> Path | None:
+    """Where the command line keeps prepared meshes: the user's cache folder, None without one."""
+    base = os.environ.get("XDG_CACHE_HOME")
+    try:
+        return Path(base or Path.home() / ".cache") / "moveit6d" / "templates"
+    except RuntimeError:  # no home
+        return None
 
 
 _DIGESTS: WeakKeyDictionary[Mesh, dict[str, str]] = WeakKeyDictionary()
@@ -286,7 +310,8 @@ def _write(path: Path, bank: TemplateBank) -> None:
         temporary.write_bytes(save(values))
 
 
-def _read(path: Path) -> TemplateBank:
+def _read(path: Path) -> TemplateBank | None:
+    """The templates of a file; None if there is none, or none that can be used."""
     from safetensors import SafetensorError
     from safetensors.torch import load
 
@@ -295,7 +320,8 @@ def _read(path: Path) -> TemplateBank:
         return TemplateBank(
             *(Templates(*(values[f"{level}.{name}"] for name in _FIELDS)) for level in _LEVELS)
         )
+    except (FileNotFoundError, NotADirectoryError):
+        return None
     except (OSError, SafetensorError, KeyError) as error:
-        raise InputError(
-            f"{path} is not a file of templates ({error}); delete it, it is made anew."
-        ) from error
+        LOG.warning("%s is not a file of templates (%s); they are made anew.", path, error)
+        return None

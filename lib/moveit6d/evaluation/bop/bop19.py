@@ -14,6 +14,7 @@ from itertools import product
 import torch
 from torch import Tensor
 
+from ...checks import entry, whole
 from ...datasets.bop import TARGETS, BopDataset, BopTarget, Estimate, Instance
 from ...datasets.video import image_size
 from ...errors import InputError
@@ -251,5 +252,6 @@ def _size(dataset: BopDataset, scene: int, image: int) -> tuple[int, int]:
         if not file.is_file():
             raise
         known = read_json(file)
-        return int(known["width"]), int(known["height"])
+        width, height = (entry(known, key, str(file)) for key in ("width", "height"))
+        return whole(width, f"{file}: width"), whole(height, f"{file}: height")
     return image_size(path)

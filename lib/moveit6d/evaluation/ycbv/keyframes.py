@@ -78,8 +78,11 @@ def read_keyframe_poses(path: Path, methods: Sequence[str] = ()) -> Keyframes:
             f"{path} holds no estimates {', '.join(unknown)}; "
             f"there are {', '.join(there) or 'none'}."
         )
-    objects = torch.from_numpy(arrays["obj_id"].astype(np.int64))
-    names = tuple(str(name) for name in arrays["object_names"])
+    numbers = _floats(arrays["obj_id"], f"{path}: obj_id")
+    if numbers.ndim != 1 or not (numbers == numbers.round()).all():
+        raise InputError(f"{path}: obj_id must be (N,) whole numbers of objects.")
+    objects = torch.from_numpy(numbers.astype(np.int64))
+    names = tuple(str(name) for name in np.atleast_1d(arrays["object_names"]))
     if len(objects) == 0 or int(objects.min()) < 1 or int(objects.max()) > len(names):
         raise InputError(f"{path}: obj_id must be 1 … {len(names)}, a number of object_names.")
     truth = _poses(arrays["gt"], len(objects), f"{path}: gt")
@@ -95,15 +98,19 @@ def read_points(path: Path) -> dict[int, Tensor]:
     """Evaluation points (M, 3) in metres by object, of an .npz file with the keys 01, 02, …."""
     arrays = _load(path)
     try:
-        found = {int(key): torch.from_numpy(values) for key, values in arrays.items()}
+        numbered = {int(key): values for key, values in arrays.items()}
     except ValueError:
         raise InputError(f"{path}: the keys must be numbers of objects, 01, 02, ….") from None
+    found = {
+        number: torch.from_numpy(_floats(values, f"{path}: points of object {number}"))
+        for number, values in numbered.items()
+    }
     for number, points in found.items():
         if points.dim() != 2 or points.shape[1] != 3 or not len(points):
             raise InputError(f"{path}: points of object {number} must be (M, 3).")
         if float(points.abs().max()) > 10:
             raise InputError(f"{path}: object {number} looks like millimetres; metres are needed.")
-    return {number: points.double() for number, points in found.items()}
+    return found
 
 
 def write_keyframe_poses(path: Path, keyframes: Keyframes) -> None:
@@ -206,13 +213,20 @@ def _load(path: Path) -> dict[str, NDArray[Any]]:
         raise InputError(f"{path} is not an .npz file of arrays: {error}.") from None
 
 
+def _floats(values: NDArray[Any], where: str) -> NDArray[np.float64]:
+    """An array of numbers, also of a type that torch does not know."""
+    if values.dtype.kind not in "iuf":
+        raise InputError(f"{where} must be numbers, found an array of {values.dtype.name}.")
+    return values.astype(np.float64)
+
+
 def _poses(rows: NDArray[Any], count: int, where: str) -> Pose:
     """Poses (N) of rows qw qx qy qz tx ty tz; NaN for quaternions of zeros."""
     from scipy.spatial.transform import Rotation
 
     if rows.shape != (count, 7):
         raise InputError(f"{where} must be ({count}, 7), qw qx qy qz tx ty tz; found {rows.shape}.")
-    values = rows.astype(np.float64)
+    values = _floats(rows, where)
     known = np.isfinite(values).all(1) & (np.linalg.norm(values[:, :4], axis=1) > 1e-6)
     rotation, shift = np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan)
     rotation[known] = Rotation.from_quat(values[known, :4], scalar_first=True).as_matrix()

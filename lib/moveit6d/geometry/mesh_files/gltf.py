@@ -28,9 +28,12 @@ def read_gltf(content: MeshContent) -> None:
     file = open_gltf(content.path)
     content.unit = 1.0
     looks = Looks(file, content)
-    placed = dict(_placed(file))
-    for node, matrix in placed.items():
-        entry = file.items("nodes")[node]
+    placed, visible = dict[int, Matrix](), list[int]()
+    for node, matrix, is_visible in _placed(file):
+        placed[node] = matrix  # of hidden ones, too: they may be joints
+        visible += [node] * is_visible
+    for node in visible:
+        matrix, entry = placed[node], file.items("nodes")[node]
         if "EXT_mesh_gpu_instancing" in (entry.get("extensions") or {}):
             raise InputError(f"{file.path} uses EXT_mesh_gpu_instancing; {REMEDY}.")
         if entry.get("mesh") is None:
@@ -44,25 +47,27 @@ def read_gltf(content: MeshContent) -> None:
                 content.parts.append(part)
 
 
-def _placed(file: GltfFile) -> Iterator[tuple[int, Matrix]]:
-    """The nodes of the scene with their matrices (4, 4) to the world."""
+def _placed(file: GltfFile) -> Iterator[tuple[int, Matrix, bool]]:
+    """The nodes of the scene, their matrices (4, 4) to the world, and whether they are visible."""
     nodes, scenes = file.items("nodes"), file.items("scenes")
     if scenes:
         roots = scenes[file.json.get("scene") or 0].get("nodes") or []
     else:  # without a scene: all nodes that are nobody's child
         children = {child for node in nodes for child in node.get("children") or []}
         roots = [index for index in range(len(nodes)) if index not in children]
-    waiting = [(int(root), np.eye(4)) for root in roots]
+    waiting = [(int(root), np.eye(4), True) for root in roots]
     seen: set[int] = set()
     while waiting:
-        index, above = waiting.pop()
+        index, above, visible = waiting.pop()
         if index in seen or len(seen) > MAX_NODES:
             raise InputError(f"{file.path}: node {index} hangs below two others or itself.")
         seen.add(index)
         node = nodes[index]
         matrix = above @ _local(node)
-        yield index, matrix
-        waiting += [(int(child), matrix) for child in node.get("children") or []]
+        said = (node.get("extensions") or {}).get("KHR_node_visibility") or {}
+        visible = visible and said.get("visible") is not False
+        yield index, matrix, visible
+        waiting += [(int(child), matrix, visible) for child in node.get("children") or []]
 
 
 def _local(node: dict[str, Any]) -> Matrix:

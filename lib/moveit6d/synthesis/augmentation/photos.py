@@ -36,8 +36,8 @@ def _read(path: Path) -> np.ndarray:
     try:
         with Image.open(path) as picture:
             rgb = picture.convert("RGB")
-    except OSError:
-        return np.zeros((1, 1, 3), np.uint8)  # dropped by the size rule: one bad file is no reason
+    except Exception:  # Pillow's readers raise what they stumble upon; one bad file is no reason
+        return np.zeros((1, 1, 3), np.uint8)  # dropped by the size rule
     scale = SHORT_SIDE / min(rgb.size)
     if scale < 1:
         size = (round(rgb.width * scale), round(rgb.height * scale))

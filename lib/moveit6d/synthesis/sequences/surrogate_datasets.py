@@ -165,6 +165,8 @@ class _VisibilityLog:
 @contextmanager
 def _new_dataset(root: Path, about: Mapping[str, Any]) -> Iterator[tuple[Path, _VisibilityLog]]:
     """A folder that becomes `root` when all is there, with the two files that say what it is."""
+    if root.exists() and not root.is_dir():
+        raise InputError(f"{root} is a file; a data set is a folder: give a new one.")
     if root.exists() and any(root.iterdir()) and not (root / SURROGATE).is_file():
         raise InputError(f"{root} exists and is not a data set made here; give a new folder.")
     log = _VisibilityLog()
