@@ -58,7 +58,7 @@ class LoopConfig:
     augment: bool = True
     stop_delta: float = 0.5
     revisit_delta: float = 0.5
-    width_error: float = 1.5
+    width_error: float = 1.25
 
     def __post_init__(self) -> None:
         if self.mode is not None and self.mode not in list(ActionMode):
