@@ -9,7 +9,14 @@ from pathlib import Path
 import pytest
 
 from moveit6d.errors import InputError
-from moveit6d.io import read_json, read_json_list, replacing, replacing_folder, write_json
+from moveit6d.io import (
+    read_json,
+    read_json_list,
+    read_text,
+    replacing,
+    replacing_folder,
+    write_json,
+)
 
 
 def test_json_holds_null_for_what_is_not_finite(tmp_path: Path) -> None:
@@ -55,3 +62,12 @@ def test_json_of_another_kind_is_refused(tmp_path: Path) -> None:
     write_json(tmp_path / "b.json", {"a": 1})
     with pytest.raises(InputError, match="one JSON list in brackets"):
         read_json_list(tmp_path / "b.json")
+
+
+def test_what_is_no_text_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        read_text(tmp_path)
+    assert str(caught.value) == f"{tmp_path} is a folder; give a file."
+    (tmp_path / "a").write_bytes(b"\x93NUMPY")
+    with pytest.raises(InputError, match="is not a text file"):
+        read_text(tmp_path / "a")

@@ -1,4 +1,4 @@
-"""Fits the regressions that say how likely a pose is right, `VerificationConfig` and `StateConfig`.
+"""Fits `VerificationConfig`, `StateConfig` and `SingleImageConfig`: how likely a pose is right.
 
     python tools/fit_probabilities.py --meshes MESHES --photos PHOTOS [--weights FILE]
         [--calibrated FILE] [--jobs 2]
@@ -26,10 +26,12 @@ from numpy.typing import NDArray
 
 from lightning_modules.pair_data_module import PairDataModule
 from moveit6d import Mesh, Pose, PoseDetector, PoseTracker, load_policy, make_renderer
-from moveit6d.config import RecoveryConfig, TrackerConfig
+from moveit6d.config import RecoveryConfig, SingleImageConfig, TrackerConfig
 from moveit6d.datasets.video import open_frames
 from moveit6d.estimation import TemplateStore
 from moveit6d.estimation.estimator import refine_single
+from moveit6d.estimation.final_confidence import search_confidences
+from moveit6d.estimation.results import Refined, Target, TrackingResult, starts_of
 from moveit6d.estimation.states import log_odds
 from moveit6d.evaluation.metrics import ADD_LIMIT, add_s, auroc
 from moveit6d.evaluation.metrics.calibration import reliability
@@ -37,6 +39,7 @@ from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.weights_file import load_network, save_network
 from moveit6d.parallel import run_jobs
 from moveit6d.policies import SHIPPED_WEIGHTS, NetworkPolicy
+from moveit6d.rendering.renderer import Renderer
 from moveit6d.synthesis.objects.reshape import reshaped
 from moveit6d.synthesis.sequences.sequence import Scene
 from moveit6d.synthesis.single_images import make_cases
@@ -51,6 +54,7 @@ STARTS = (("all_small", 0.0), ("all_large", 0.0), ("all_large", 1.0))  # cluster
 REFINED = 12  # pictures of each mesh and kind of start
 RIDGE = 2.0
 NEVER = TrackerConfig(recovery=RecoveryConfig(enabled=False))
+PLAIN = TrackerConfig(single_image=SingleImageConfig(1.0, 0.0, 0.0))  # the confidence itself
 
 
 @dataclass(frozen=True)
@@ -100,8 +104,11 @@ def main() -> None:
         line = platt([*(one for one in followed if np.isfinite(one.error)), *refined])
         write_calibrated(args.weights or SHIPPED_WEIGHTS, line, args.calibrated)
         found, followed = calibrated(found, line), calibrated(followed, line)
+        refined = calibrated(refined, line)
     report("VerificationConfig", ("confidence", "similarity"), in_log_odds(found))
     report("StateConfig", ("confidence", "agreement"), followed)
+    both = [replace(one, evidence=tuple(map(log_odds, one.evidence))) for one in refined]
+    report("SingleImageConfig", ("confidence", "search_confidence"), both)
 
 
 @dataclass(frozen=True)
@@ -125,7 +132,7 @@ def examples_of(task: Task) -> tuple[list[Example], list[Example], list[Example]
     torch.set_num_threads(1)
     meshes = [Mesh.load(path) for path in (task.mesh, task.other)]
     beside = [of_size(Mesh.load(path), meshes[0].diameter) for path in task.beside]
-    found = [frame.image for frame in open_frames(task.photos) if frame.image is not None]
+    found = [frame.image for frame in open_frames(task.photos / "*") if frame.image is not None]
     photos = found[:: max(1, len(found) // PHOTOS)]
     policy = load_policy(task.weights)
     return (
@@ -146,10 +153,23 @@ def refinements(
             seed=seed + number,
         )  # fmt: skip
         for case in cases:
-            result = refine_single([case.target], policy=policy, renderer=renderer)[0]
+            result = refine_single([case.target], policy=policy, renderer=renderer, config=PLAIN)[0]
             if result.pose is not None:
                 error = relative_error(mesh, result.pose, case.truth)
-                yield Example((result.confidence, 0.0), error, mesh.name)
+                said = said_for_searches(case.target, result, policy, renderer)
+                yield Example((result.confidence, said), error, mesh.name)
+
+
+def said_for_searches(
+    target: Target, result: TrackingResult, policy: NetworkPolicy, renderer: Renderer
+) -> float:
+    """The confidence for searches at a pose that was found, as `refine_single` asks for it."""
+    assert result.pose is not None
+    start = starts_of([target])[0]
+    centred = target.mesh.inner(result.pose)
+    end = Refined(centred, 0, result.stopped_by, result.confidence, 0.0)
+    asked = search_confidences([start], [end], policy=policy, renderer=renderer, loop=PLAIN.loop)
+    return asked[0][0] if asked else 0.5  # no weight of it then
 
 
 def logit(confidence: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -55,7 +55,7 @@ def main() -> int:
 
 def _make(meshes: Path, photos: Path, clips: Path) -> None:
     """The clips that are missing."""
-    read = itertools.islice(open_frames(photos), PHOTOS)
+    read = itertools.islice(open_frames(photos / "*"), PHOTOS)
     backgrounds = [photo.image for photo in read if photo.image is not None]
     for level, seed in CLIPS.items():
         for number, path in enumerate(PairDataModule(meshes=meshes).mesh_paths()[1]):

@@ -180,6 +180,8 @@ def read_text(path: Path) -> str:
     `InputError` for anything else.
     """
     try:
+        if path.is_dir():
+            raise InputError(f"{path} is a folder; give a file.")
         if path.exists() and not path.is_file():  # a pipe would never end
             raise InputError(f"{path} is not a regular file.")
         if path.stat().st_size > LARGEST_TEXT:
@@ -188,6 +190,8 @@ def read_text(path: Path) -> str:
         if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):  # as PowerShell writes
             return content.decode("utf-16")
         return io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig").read()
+    except InputError:  # a ValueError, too
+        raise
     except FileNotFoundError:
         raise InputError(f"{path} does not exist.") from None
     except OSError as error:

@@ -58,3 +58,15 @@ def test_one_of_both_is_needed() -> None:
     for words in ([], ["--camera", "c.json", "--fov", "60"]):
         with pytest.raises(SystemExit):
             parsed(*words)
+
+
+def test_pixels_that_are_no_squares_have_two_focal_lengths() -> None:
+    """The field of view is that of the picture as it is shown: here 106.67 × 60."""
+
+    class Anamorphic:
+        length, fps, size, sample_aspect_ratio = 0, None, (80, 60), 4 / 3
+
+    camera = camera_of(parsed("--fov", "90"), Anamorphic())  # type: ignore[arg-type]
+    assert (camera.width, camera.height, camera.cx, camera.cy) == (80, 60, 39.5, 29.5)
+    assert camera.fx == pytest.approx(40)  # half a width, as the tangent of 45 degrees is 1
+    assert camera.fy == pytest.approx(40 * 4 / 3, rel=0.005)

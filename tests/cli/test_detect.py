@@ -145,6 +145,63 @@ def test_an_image_that_cannot_be_used_stops_no_others(
     assert detect(["b.png", "points.csv"]) == 2, "what is no image is said before the work"
 
 
+def test_a_failed_run_leaves_an_earlier_one_as_it_was(
+    detect: Detect, folder: Path, capsys: Any
+) -> None:
+    out = folder / "out"
+    out.mkdir()
+    names = ("poses.csv", "pose.json", "overlay.png", "detection.json", "poses.csv.unfinished")
+    for name in names:
+        (out / name).write_text("earlier")
+    whole = (folder / "b.png").read_bytes()
+    (folder / "cut.png").write_bytes(whole[: len(whole) // 2])
+    Image.new("RGB", (80, 60)).save(folder / "small.png")
+    assert detect(["cut.png"]) == 2
+    assert detect(["small.png"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert "cut.png is not a readable image" in said[0] and "small.png is 80×60" in said[1]
+    assert "fx 90, fy 91, cx 38.75, cy 30.25" in said[1] and len(said) == 2
+    assert {path.name for path in out.iterdir()} == set(names)
+    assert detect(["b.png"], "--box", "0", "0", "1", "1") == 2, "found out after the journal"
+    left = {path.name: path.read_text() for path in out.iterdir()}
+    assert left == dict.fromkeys(names[:-1], "earlier")
+
+
+def test_the_first_answer_takes_the_place_of_an_earlier_run(
+    detect: Detect, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from moveit6d.cli import detect_images
+
+    (folder / "out").mkdir()
+    for name in ("poses.csv", "pose.json", "overlay.png", "detection.json"):
+        (folder / "out" / name).write_text("earlier")
+
+    def answer(*_: Any) -> Any:
+        return detect_images._Answer((), facts={})
+
+    monkeypatch.setattr(detect_images, "_answered", answer)
+    assert detect(["b.png", "none.png"]) == 3
+    left = {path.name for path in (folder / "out").iterdir()}
+    assert left == {"poses.csv", "overlay", "detection.json"}
+    assert [row.state for row in read_poses(folder / "out" / "poses.csv")] == ["lost", "lost"]
+
+
+def test_a_folder_of_images_and_a_start_in_millimetres_are_named(
+    detect: Detect, folder: Path, scene: Any, capsys: Any
+) -> None:
+    (folder / "frames").mkdir()
+    assert detect(["frames"]) == 2
+    said = capsys.readouterr().err
+    assert said == (
+        f"moveit6d: --image {folder}/frames is a folder; give its pictures, {folder}/frames/*.\n"
+    )
+    pose = scene.pose(0)
+    Pose(pose.rotation, 1000 * pose.translation).save(folder / "mm.json")
+    assert detect(["b.png"], "--start", str(folder / "mm.json")) == 2
+    said = capsys.readouterr().err
+    assert "mm.json: the object stands 501 m away; the translation looks like millim" in said
+
+
 @pytest.mark.parametrize(
     ("more", "words"),
     [

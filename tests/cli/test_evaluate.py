@@ -107,3 +107,18 @@ def test_keyframe_poses_of_one_method(tmp_path: Path, capsys: Any) -> None:
     assert "has no object cup" in capsys.readouterr().err
     assert main([*command, "--methods", "c"]) == 2
     assert "holds no estimates c; there are a, b" in capsys.readouterr().err
+
+
+def test_the_folder_of_a_track_is_scored(sequences: Path, tmp_path: Path, capsys: Any) -> None:
+    track = tmp_path / "out"
+    track.mkdir()
+    (track / "poses.csv").write_bytes((sequences / "easy_00" / "poses.csv").read_bytes())
+    command = ["evaluate", "tracking", "--results", str(track), "--sequences"]
+    assert main([*command, str(sequences / "easy_00")]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("\nout\n") and "100.0 %" in printed
+    assert main([*command, str(sequences)]) == 2
+    assert "its poses.csv is of one sequence" in capsys.readouterr().err
+    (track / "poses.csv").unlink()
+    assert main([*command, str(sequences / "easy_00")]) == 2
+    assert "out holds no <sequence>.csv for any of easy_00.\n" in capsys.readouterr().err

@@ -43,3 +43,13 @@ def test_other_facts_and_damage_are_refused(tmp_path: Path) -> None:
     path.write_text("{}\nno json\n")
     with pytest.raises(InputError, match="damaged; delete it"):
         Journal(tmp_path / "r.csv", FACTS, resume=True)
+
+
+def test_one_without_an_entry_goes(tmp_path: Path) -> None:
+    with pytest.raises(InputError), Journal(tmp_path / "r.csv", FACTS, resume=False):
+        raise InputError("no such box")
+    assert list(tmp_path.iterdir()) == []
+    path = interrupted(tmp_path / "r.csv")
+    with pytest.raises(InputError), Journal(tmp_path / "r.csv", FACTS, resume=True):
+        raise InputError("no such box")
+    assert path.exists(), "what an earlier run did can still be gone on with"

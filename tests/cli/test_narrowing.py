@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from moveit6d import InputError
 from moveit6d.cli.main import main
-from moveit6d.cli.narrowing import check_first, is_narrowed
+from moveit6d.cli.narrowing import check_first, is_narrowed, read_mask
 from moveit6d.datasets.pose_files import read_poses
 from moveit6d.geometry.pose import Pose
 
@@ -61,7 +62,7 @@ def test_a_track_begins_in_a_box(made: Any, scene: Any, capsys: Any) -> None:
     assert track(made, "--box", *box, "--distance", "0.3", "0.8") == 0
     assert off(first(made), made.poses[0]) < 0.01
     # Where it is not, the whole image follows.
-    assert track(made, "--distance", "3", "4") == 0
+    assert track(made, "--box", "125", "5", "30", "30", "--distance", "0.5", "0.9") == 0
     assert "is not found in the first frame where it should be" in capsys.readouterr().err
     assert off(first(made), made.poses[0]) < 0.01
 
@@ -90,3 +91,56 @@ def test_what_does_not_go_together_is_refused(made: Any, capsys: Any) -> None:
     assert "--start says the pose" in capsys.readouterr().err
     assert track(made, "--points", points, "--exact_start") == 2
     assert "--exact_start needs the pose" in capsys.readouterr().err
+
+
+def test_points_in_another_unit_are_refused(made: Any, capsys: Any) -> None:
+    rows = np.loadtxt(made.folder / "points.csv", delimiter=",")
+    np.savetxt(made.folder / "mm.csv", rows * [1, 1, 1000, 1000, 1000], delimiter=",")
+    assert track(made, "--points", str(made.folder / "mm.csv")) == 2
+    assert "x, y, z must be in the mesh file's unit and frame" in capsys.readouterr().err
+
+
+DISC, INNER = (np.hypot(*np.mgrid[-60:60, -80:80]) < radius for radius in (40, 37))
+
+
+def photo() -> np.ndarray:
+    """Colours from nearly black to nearly white."""
+    return np.random.default_rng(0).integers(1, 250, (*DISC.shape, 3), np.uint8)
+
+
+def cut_out() -> Image.Image:
+    return Image.fromarray(np.dstack([photo(), np.where(DISC, 255, 0).astype(np.uint8)]))
+
+
+def labels(*values: int) -> Image.Image:
+    """An image of labels: the disc's two halves, and nothing around it."""
+    rows = np.arange(DISC.shape[0])[:, None] < 60
+    return Image.fromarray((DISC * np.where(rows, values[0], values[-1])).astype(np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("picture", "name"),
+    [
+        (Image.fromarray(DISC), "bits.png"),
+        (labels(1), "ones.png"),
+        (labels(255), "white.png"),
+        (labels(255), "white.jpg"),
+        (labels(3, 7), "labels.png"),
+        (Image.fromarray(np.where(INNER, 3, labels(255)).astype(np.uint8)), "void.png"),
+        (Image.fromarray(DISC.astype(np.uint16) * 65535), "deep.png"),
+        (Image.fromarray(np.dstack([labels(255)] * 3 + [np.full(DISC.shape, 255, np.uint8)])),
+         "opaque.png"),
+        (cut_out(), "cut_out.png"),
+        (Image.fromarray(photo() * DISC[..., None]), "on_black.png"),
+    ],
+)  # fmt: skip
+def test_masks_of_many_kinds(tmp_path: Path, picture: Any, name: str, capsys: Any) -> None:
+    picture.save(tmp_path / name)
+    np.testing.assert_array_equal(read_mask(tmp_path / name), DISC)
+    assert not capsys.readouterr().err
+
+
+def test_a_mask_of_nearly_everything_is_said(tmp_path: Path, capsys: Any) -> None:
+    Image.fromarray(photo()).save(tmp_path / "photo.png")
+    assert read_mask(tmp_path / "photo.png").all()
+    assert "photo.png: the mask is 100 % of the image" in capsys.readouterr().err

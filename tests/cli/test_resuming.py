@@ -21,6 +21,7 @@ from moveit6d.datasets.video import VideoFrame
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseTracker
 from moveit6d.evaluation.run_tracker import run_tracker
+from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.io import write_json
 from moveit6d.policies import OraclePolicy
@@ -53,6 +54,33 @@ def test_a_track_is_gone_on_with(
     assert clip.summary()["frames"] == 5 and clip.summary()["interrupted"] is False
     assert clip.track("--resume") == 0, "nothing is left to do"
     assert len(read_poses(clip.output / "poses.csv")) == 5
+
+
+def test_a_mesh_may_be_far_from_its_origin(
+    clip: Clip,
+    scene: Any,
+    use_oracle: Callable[..., None],
+    interrupt_update: Callable[[int], None],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    lines = [f"v {x} {y} {z} {r} {g} {b}" for (x, y, z), (r, g, b) in zip(
+        scene.mesh.vertices + [200.0, 0.0, 0.0], scene.mesh.vertex_colors / 255, strict=True
+    )]  # fmt: skip
+    lines += [f"f {a} {b} {c}" for a, b, c in scene.mesh.faces + 1]
+    (clip.folder / "far.obj").write_text("\n".join(lines))
+    far = Mesh.load(clip.folder / "far.obj", "m")
+    pose = far.outer(scene.mesh.inner(clip.true))
+    pose.save(clip.folder / "far.json")
+    options = {"mesh": str(clip.folder / "far.obj"), "start": str(clip.folder / "far.json")}
+    with monkeypatch.context():
+        use_oracle(far, pose)
+        interrupt_update(3)
+        assert clip.track("--no_overlay", **options) == 130
+    monkeypatch.undo()
+    use_oracle(far, pose)
+    assert clip.track("--no_overlay", "--resume", **options) == 0
+    rows = read_poses(clip.output / "poses.csv", center=far.center)
+    assert [row.state for row in rows] == ["tracking"] * 5
 
 
 def damage(clip: Clip, *numbers: int) -> None:

@@ -17,6 +17,7 @@ from PIL import Image
 
 from moveit6d.datasets.pose_files import TRACK_COLUMNS, read_poses
 from moveit6d.evaluation.metrics import add
+from moveit6d.geometry.pose import Pose
 from tests.support.clip import Clip
 
 Make = Callable[..., Any]
@@ -175,7 +176,9 @@ def bad_inputs(clip: Clip, tmp: Path) -> dict[str, tuple[dict[str, str], str]]:
         "left-handed": (pose([[1, 0, 0], [0, 1, 0], [0, 0, -1]], [0, 0, 0.5]), "left-handed"),
         "behind the camera": (pose(EYE, [0, 0, -0.5]), "behind the camera"),
         "out of sight": (pose(EYE, [2, 0, 0.5]), "outside of the image"),
-        "millimetres": (pose(EYE, [10, 20, 500]), "millimetres"),
+        "millimetres": (pose(EYE, [10, 20, 500]), ".json: the object stands 501 m away; the trans"),
+        "a folder for a start": ({"start": str(tmp / "empty")}, "empty is a folder"),
+        "text for a start": ({"start": str(tmp / "mesh.xyz")}, "a pose file holds {"),
         "inside the object": (pose(EYE, [-0.03, 0.01, -0.01]), "inside the object"),
         "output is a file": ({"output": str(clip.folder / "camera.json")}, "cannot be made"),
     }
@@ -197,6 +200,8 @@ NAMES = [
     "behind the camera",
     "out of sight",
     "millimetres",
+    "a folder for a start",
+    "text for a start",
     "inside the object",
     "output is a file",
 ]
@@ -209,8 +214,7 @@ def test_bad_input_is_one_sentence(clip: Clip, tmp_path: Path, capsys: Any, name
     lines = capsys.readouterr().err.splitlines()
     assert words in lines[-1] and lines[-1].startswith("moveit6d: ")
     assert not any("Traceback" in line for line in lines)
-    if name != "camera of another size":  # there every frame was tried, and is recorded
-        assert len(lines) == 1 and not (clip.output / "poses.csv").exists()
+    assert len(lines) == 1 and not (clip.output / "poses.csv").exists()
 
 
 def test_every_bad_input_is_tried(clip: Clip, tmp_path: Path) -> None:
@@ -234,3 +238,52 @@ def test_bad_weights_are_one_sentence(
     said = capsys.readouterr().err
     assert "w.safetensors" in said and len(said.splitlines()) == 1
     assert not clip.output.exists()
+
+
+def halve(clip: Clip, *numbers: int) -> None:
+    for number in numbers:
+        path = clip.folder / "frames" / f"{number:06d}.png"
+        Image.open(path).resize((80, 60)).save(path)
+
+
+def test_a_video_of_another_size_is_said_at_once(clip: Clip, capsys: Any) -> None:
+    clip.output.mkdir()
+    for name in ("poses.csv", "summary.json", "overlay.mp4"):
+        (clip.output / name).write_text("earlier")
+    (clip.folder / "frames" / "000000.png").write_bytes(b"\x89PNG broken")
+    halve(clip, 1, 2, 3, 4)
+    assert clip.track() == 2
+    assert capsys.readouterr().err == (
+        "moveit6d: 000001.png is 80×60 but the camera is 160×120; give the intrinsics of 80×60 "
+        "(if the whole picture was scaled: fx 90, fy 91, cx 38.75, cy 30.25).\n"
+    )
+    assert {path.read_text() for path in clip.output.iterdir()} == {"earlier"}
+
+
+def test_a_cut_video_has_no_intrinsics_by_its_size(clip: Clip, capsys: Any) -> None:
+    path = clip.folder / "frames" / "000000.png"
+    Image.open(path).crop((0, 0, 120, 120)).save(path)
+    assert clip.track() == 2
+    assert capsys.readouterr().err.endswith("160×120; give the intrinsics of 120×120.\n")
+
+
+def test_what_comes_live_in_another_size_is_said_at_once(
+    clip: Clip, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    from moveit6d.datasets import video
+
+    class Live(video.ImageFolder):
+        live = True
+
+    halve(clip, 0, 1, 2, 3, 4)
+    monkeypatch.setattr(video, "open_frames", lambda source: Live(clip.folder / "frames"))
+    assert clip.track(video="0") == 2
+    assert "is 80×60 but the camera is 160×120" in capsys.readouterr().err
+    assert not clip.output.exists()
+
+
+def test_a_start_may_be_a_matrix(clip: Clip) -> None:
+    matrix = clip.folder / "start.txt"
+    np.savetxt(matrix, Pose.load(clip.folder / "start.json").matrix.numpy())
+    assert clip.track("--no_overlay", start=str(matrix)) == 0
+    assert all(row.state == "tracking" for row in read_poses(clip.output / "poses.csv"))

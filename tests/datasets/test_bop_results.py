@@ -71,3 +71,16 @@ def test_results_with_and_without_header(tmp_path: Path, head: str, numbers: str
     (row,) = read_results(tmp_path / "r.csv")
     assert (row.scene, row.image, row.object, row.score) == (1, 0, 2, 0.5)
     assert row.pose.translation.tolist() == [0, 0, 0.4]
+
+
+@pytest.mark.parametrize("head", ["", HEAD])
+def test_translations_in_metres_are_refused(tmp_path: Path, head: str) -> None:
+    path, rows = tmp_path / "r.csv", [f"1,{k},2,0.5,{EYE},0.1 0 0.{4 + k},-1" for k in range(3)]
+    path.write_text(head + "\n".join(rows))
+    with pytest.raises(InputError, match=r"r\.csv: .* 0\.51 mm long, which looks like metres"):
+        read_results(path)
+    nothing = [f"1,{k},2,0,{EYE},0 0 0,-1" for k in range(3, 9)]  # written for nothing found
+    path.write_text(head + "\n".join([*nothing, f"1,0,2,0.5,{EYE},0 0 400,-1"]))
+    assert len(read_results(path)) == 7
+    path.write_text(head + "\n".join(nothing))
+    assert len(read_results(path)) == 6

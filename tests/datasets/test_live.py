@@ -129,8 +129,21 @@ def test_a_damaged_frame_of_a_stream_is_one_frame(
 
 
 def test_nobody_at_the_address() -> None:
-    with pytest.raises(InputError, match=r"rtsp://127\.0\.0\.1/live cannot be opened"):
-        open_frames("rtsp://127.0.0.1:9/live")
+    with pytest.raises(InputError, match=r"rtsp://127\.0\.0\.1:9/live cannot be opened"):
+        open_frames("rtsp://user:secret@127.0.0.1:9/live")
+
+
+@pytest.mark.parametrize(
+    ("address", "shown"),
+    [
+        ("rtsp://user:secret@[::1]:9/live", "rtsp://[::1]:9/live"),
+        ("rtsp://user:secret@127.0.0.1:port/live", "rtsp://127.0.0.1/live"),
+    ],
+)
+def test_the_name_of_an_address_hides_who_asks(address: str, shown: str) -> None:
+    with pytest.raises(InputError) as caught:
+        open_frames(address)
+    assert str(caught.value).startswith(f"{shown} cannot be opened")
 
 
 @pytest.mark.parametrize(

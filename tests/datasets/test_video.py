@@ -7,10 +7,8 @@ import itertools
 import threading
 import weakref
 from collections.abc import Iterator
-from fractions import Fraction
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
 from PIL import Image as Pillow
@@ -32,20 +30,6 @@ def picture(number: int, width: int = 64, height: int = 48) -> np.ndarray:
     return np.full((height, width, 3), COLORS[number % len(COLORS)], np.uint8)
 
 
-def write_video(path: Path, frames: int, codec: str = "libx264", **options: str) -> Path:
-    with av.open(str(path), "w", options=options) as container:
-        stream = container.add_stream(codec, rate=Fraction(25))
-        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
-        random = np.random.default_rng(0)
-        for number in range(frames):
-            noisy = picture(number) // 2 + random.integers(0, 100, (48, 64, 3), np.uint8)
-            for packet in stream.encode(av.VideoFrame.from_ndarray(noisy, "rgb24")):
-                container.mux(packet)
-        for packet in stream.encode():
-            container.mux(packet)
-    return path
-
-
 def test_a_folder_gives_its_images_in_order_of_numbers(tmp_path: Path) -> None:
     for name, number in (("10.png", 2), ("9.png", 1), ("1.PNG", 0)):
         Pillow.fromarray(picture(number)).save(tmp_path / name)
@@ -62,6 +46,32 @@ def test_a_folder_gives_its_images_in_order_of_numbers(tmp_path: Path) -> None:
     assert len(list(source)) == 3, "a folder can be read twice"
 
 
+@pytest.mark.parametrize("pattern", ["*-color.png", "%06d-color.png"])
+def test_of_several_series_one_must_be_chosen(tmp_path: Path, pattern: str) -> None:
+    for number in range(3):
+        for what in ("color", "depth", "label"):
+            shade = picture(number if what == "color" else 4)
+            Pillow.fromarray(shade).save(tmp_path / f"{number:06}-{what}.png")
+    with pytest.raises(InputError, match="holds 3 series of images") as caught:
+        open_frames(tmp_path)
+    assert f"give the one to read, as '{tmp_path}/*-color.png'" in str(caught.value)
+    frames = list(open_frames(str(tmp_path / pattern)))
+    assert [frame.name for frame in frames] == [f"{number:06}-color.png" for number in range(3)]
+    np.testing.assert_array_equal(frames[2].image, picture(2))
+    assert open_frames(tmp_path / "*").length == 9
+    with pytest.raises(InputError, match=r"-rgb\.png does not exist: give a folder of images, or"):
+        open_frames(tmp_path / "*-rgb.png")
+    with pytest.raises(InputError, match="does not exist"):
+        open_frames(tmp_path / "nowhere" / pattern)
+
+
+def test_time_stamps_come_in_order_of_time(tmp_path: Path) -> None:
+    for time in ("164.033", "164.066", "164.33", "165.0"):
+        Pillow.fromarray(picture(0)).save(tmp_path / f"{time}.png")
+    names = [frame.name[:-4] for frame in open_frames(tmp_path)]
+    assert names == ["164.033", "164.066", "164.33", "165.0"]
+
+
 def test_one_bad_image_does_not_stop_the_others(tmp_path: Path) -> None:
     for number in range(3):
         Pillow.fromarray(picture(number)).save(tmp_path / f"{number}.jpg")
@@ -70,79 +80,6 @@ def test_one_bad_image_does_not_stop_the_others(tmp_path: Path) -> None:
     frames = list(open_frames(tmp_path))
     assert [frame.image is None for frame in frames] == [False, True, False]
     assert frames[1].error is not None and "1.jpg is not a readable image" in frames[1].error
-
-
-def test_a_video_gives_all_frames_in_rgb(tmp_path: Path) -> None:
-    source = open_frames(write_video(tmp_path / "clip.mp4", 12))
-    assert source.length == 12 and source.fps == pytest.approx(25)
-    frames = list(source)
-    assert [frame.index for frame in frames] == list(range(12))
-    assert frames[7].name == "clip.mp4#000007"
-    for frame in frames:
-        assert frame.image is not None and frame.image.shape == (48, 64, 3)
-        strongest = np.argsort(frame.image.mean((0, 1)))
-        assert strongest[-1] == np.argsort(COLORS[frame.index % 5], kind="stable")[-1] or (
-            COLORS[frame.index % 5].count(200) > 1
-        )
-    assert [f.index for f in source] == list(range(12)), "a file can be read twice"
-
-
-@pytest.mark.parametrize("suffix", ["mp4", "mkv", "avi"])
-def test_a_whole_video_ends_without_complaint(tmp_path: Path, suffix: str) -> None:
-    codec = "mpeg4" if suffix == "avi" else "libx264"
-    frames = list(open_frames(write_video(tmp_path / f"clip.{suffix}", 30, codec)))
-    assert len(frames) == 30 and all(frame.error is None for frame in frames)
-
-
-@pytest.mark.parametrize("suffix", ["mp4", "mkv", "avi"])
-def test_a_cut_off_video_gives_what_it_has_and_says_so(tmp_path: Path, suffix: str) -> None:
-    codec = "mpeg4" if suffix == "avi" else "libx264"
-    options = {"movflags": "faststart"} if suffix == "mp4" else {}
-    path = write_video(tmp_path / f"clip.{suffix}", 50, codec, **options)
-    whole = path.read_bytes()
-    path.write_bytes(whole[: int(0.6 * len(whole))])
-    frames = list(open_frames(path))
-    good = [frame for frame in frames if frame.image is not None]
-    assert 1 < len(good) < 50
-    assert frames[-1].image is None and frames[-1].error is not None
-    assert "cut off" in frames[-1].error and str(path) in frames[-1].error
-    assert [frame.index for frame in frames] == list(range(len(frames)))
-
-
-def test_a_damaged_stretch_does_not_end_the_video(tmp_path: Path) -> None:
-    path = write_video(tmp_path / "clip.mp4", 50, "mpeg4")
-    data = bytearray(path.read_bytes())
-    middle = len(data) // 2
-    data[middle : middle + 600] = bytes(600)
-    path.write_bytes(data)
-    frames = list(open_frames(path))
-    assert sum(frame.image is not None for frame in frames) > 40
-
-
-def test_a_video_without_its_index_is_refused_with_a_reason(tmp_path: Path) -> None:
-    path = write_video(tmp_path / "clip.mp4", 20)
-    path.write_bytes(path.read_bytes()[:800])
-    with pytest.raises(InputError, match="not a video that can be opened"):
-        open_frames(path)
-
-
-def test_a_turned_video_stands_upright_as_opencv_shows_it(tmp_path: Path) -> None:
-    import cv2
-
-    path = write_video(tmp_path / "clip.mp4", 3)
-    # The display matrix of the track header, identity → a quarter turn.
-    one, none = (1 << 16).to_bytes(4, "big"), bytes(4)
-    last = (1 << 30).to_bytes(4, "big")
-    identity = one + none + none + none + one + none + none + none + last
-    minus = (-(1 << 16)).to_bytes(4, "big", signed=True)
-    quarter = none + one + none + minus + none + none + (48 << 16).to_bytes(4, "big") + none + last
-    data = path.read_bytes()
-    place = data.index(identity, data.index(b"tkhd"))
-    path.write_bytes(data[:place] + quarter + data[place + len(identity) :])
-    first = next(iter(open_frames(path))).image
-    there, expected = cv2.VideoCapture(str(path)).read()
-    assert there and first is not None and first.shape == (64, 48, 3)
-    assert np.abs(first.astype(int) - expected[..., ::-1]).mean() < 3
 
 
 @pytest.mark.parametrize(
@@ -155,12 +92,6 @@ def test_a_turned_video_stands_upright_as_opencv_shows_it(tmp_path: Path) -> Non
 def test_what_is_not_there_is_said(tmp_path: Path, make: object, words: str) -> None:
     with pytest.raises(InputError, match=words):
         open_frames(make(tmp_path))  # type: ignore[operator]
-
-
-def test_a_text_file_is_no_video(tmp_path: Path) -> None:
-    (tmp_path / "clip.mp4").write_text("hello")
-    with pytest.raises(InputError, match="not a video"):
-        open_frames(tmp_path / "clip.mp4")
 
 
 def test_a_camera_that_is_not_there_is_said() -> None:

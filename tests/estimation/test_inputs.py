@@ -76,6 +76,38 @@ def test_what_is_no_pose_is_named(given: Any, words: str) -> None:
         poses_of(given)
 
 
+TURN = torch.from_numpy(MATRIX[:3, :3])
+SHEARED = torch.eye(3, dtype=torch.float64)
+SHEARED[0, 1] = 0.3
+
+
+@pytest.mark.parametrize(
+    ("rotation", "words"),
+    [
+        (1.1 * TURN, "not a rotation"),
+        (TURN @ SHEARED, "not a rotation"),
+        (TURN @ torch.diag(torch.tensor([1.0, 1.0, -1.0], dtype=torch.float64)), "left-handed"),
+        (float("nan") * TURN, "not finite"),
+    ],
+)
+def test_a_pose_that_is_no_rotation_is_refused(rotation: torch.Tensor, words: str) -> None:
+    pose = Pose(rotation, POSE.translation)
+    for given in (pose, [POSE, pose], Pose.stack([POSE, pose])):
+        with pytest.raises(InputError, match=f"^Start pose: the .*{words}"):
+            poses_of(given)
+    with pytest.raises(InputError, match=f"^Start pose: the .*{words}"):
+        pose_of(pose)
+    with pytest.raises(InputError, match=f"^Start pose: the .*{words}"):
+        start_poses_of([None, pose], 2)
+
+
+def test_a_pose_that_is_slightly_off_becomes_proper_and_others_stay() -> None:
+    for given in (POSE, POSE.to(torch.float32)):
+        assert pose_of(given) is given and poses_of(given)[0] is given
+    (found,) = poses_of(Pose(1.01 * POSE.rotation, POSE.translation))
+    torch.testing.assert_close(found.matrix, POSE.matrix)
+
+
 def test_meshes_and_cameras(brick: Mesh) -> None:
     assert meshes_of(brick) == meshes_of([brick]) == meshes_of((brick,)) == [brick]
     for bad in ("box.obj", ["box.obj"], None, np.eye(3)):

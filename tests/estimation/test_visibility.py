@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -33,3 +35,12 @@ def test_batches_and_numbers_that_are_none_are_refused(brick: Mesh) -> None:
     with pytest.raises(InputError, match="single one"):
         check_start(Pose.identity(2), brick, CAMERA)
     assert "not finite" in (start_problem(at(float("nan"), 1.0), brick, CAMERA) or "")
+
+
+def test_only_where_the_object_stands_tells_of_millimetres(brick: Mesh) -> None:
+    with pytest.raises(InputError, match=r"Start pose: the object stands 500 m.* millimetres"):
+        check_start(at(10.0, 500.0), brick, CAMERA)
+    far = replace(brick, center=brick.center + [200.0, 0.0, 0.0])
+    check_start(far.outer(at(0.0, 0.5)), far, CAMERA)
+    with pytest.raises(InputError, match="millimetres"):
+        check_start(far.outer(at(10.0, 500.0)), far, CAMERA)

@@ -63,6 +63,7 @@ def test_what_opencv_writes(tmp_path: Path, name: str, fisheye: bool) -> None:
     lens = np.array([[0.01, -0.02, 0.03, 0.004]]).T if fisheye else np.array([LENS])
     store = cv2.FileStorage(str(tmp_path / name), cv2.FILE_STORAGE_WRITE)
     store.write("calibration_time", "Sat 28 Nov 2026")
+    store.write("nframes", 25)  # of the sample calibration.cpp; the tutorial says nr_of_frames
     store.write("image_width", 640)
     store.write("image_height", 480)
     store.write("flags", 0)
@@ -77,6 +78,32 @@ def test_what_opencv_writes(tmp_path: Path, name: str, fisheye: bool) -> None:
         assert found.distortion_model == "fisheye" and found.distortion == tuple(lens[:, 0])
     else:
         assert found == WANTED
+
+
+@pytest.mark.parametrize("name", ["camera.yml", "camera.xml", "camera.json"])
+@pytest.mark.parametrize("keys", [("camera_matrix", "dist_coeffs"), ("cameraMatrix", "distCoeffs")])
+def test_what_opencvs_interactive_calibration_writes(
+    tmp_path: Path, name: str, keys: tuple[str, str]
+) -> None:
+    store = cv2.FileStorage(str(tmp_path / name), cv2.FILE_STORAGE_WRITE)
+    store.write("calibrationDate", "Sat 28 Nov 2026")
+    store.write("framesCount", 25)
+    store.write("cameraResolution", np.array([640, 480]))  # of one dimension: a tag of its own
+    for key, values in zip(keys, (np.array(K), np.array(LENS)), strict=True):
+        store.write(key, values)
+        store.write(f"{key}_std_dev", np.ones((5, 1)))
+    store.write("avg_reprojection_error", 0.21)
+    store.release()
+    assert Camera.load(tmp_path / name) == WANTED
+
+
+def test_numbers_of_yaml_are_those_of_its_version_1_2(tmp_path: Path) -> None:
+    content = (
+        "fx: 6e2\nfy: +610.\ncx: 320\ncy: 240\nwidth: 0640\nheight: 480\nD: [1e-05, -.2, 0, 0]"
+    )
+    found = Camera.load(saved(tmp_path, "camera.yaml", content))
+    assert (found.fx, found.fy, found.width) == (600.0, 610.0, 640)
+    assert found.distortion == (1e-05, -0.2, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("content", [ROS_FILE, ROS_ECHO], ids=["file", "echo"])

@@ -190,3 +190,47 @@ def test_projection_through_a_lens_has_gradients() -> None:
 def test_impossible_lenses_are_refused(lens: object, model: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         Camera(400, 400, 160, 120, 320, 240, lens, model)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("lens", "model", "words"),
+    [
+        ((-0.9, 0, 0, 0, 0), "opencv", "fold the picture 250 pixels from its centre"),
+        ((-0.9, 0, 0, 0, 0, 0, 0, 0), "opencv", "fold the picture 250 pixels"),
+        ((-0.7, 0, 0, 0), "fisheye", "fold the picture 283 pixels"),
+        ((100, -200, 0, 0, 0), "opencv", r"corners out to 3\.8 times"),
+        ((0.1, 0.2, 0, 0, 0, -5, 0, 0), "opencv", r"corners out to 2\.0 times"),  # divides by zero
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_pictures_that_fold_are_refused(
+    lens: tuple[float, ...], model: DistortionModel, words: str
+) -> None:
+    with pytest.raises(InputError, match=words + ".*check the calibration"):
+        Camera.from_matrix([[615, 0, 319.5], [0, 615, 239.5], [0, 0, 1]], 640, 480, lens, model)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "lens", "model"),
+    [
+        # Published: EuRoC, KITTI, TUM RGB-D, Azure Kinect (rational), TUM VI, RealSense T265.
+        ((458.7, 457.3, 367.2, 248.4, 752, 480), (-0.2834, 0.07396, 0.0002, 0.0), "opencv"),
+        ((984, 981, 690, 233, 1392, 512), (-0.3729, 0.2037, 0.002, 0.001, -0.072), "opencv"),
+        ((517.3, 516.5, 318.6, 255.3, 640, 480), (0.262, -0.953, -0.005, 0.003, 1.163), "opencv"),
+        ((607, 607, 638, 367, 1280, 720), (0.5, -2.7, 0, 0, 1.56, 0.38, -2.5, 1.48), "opencv"),
+        ((191, 191, 254.9, 256.9, 512, 512), (0.00348, 0.000715, -0.00205, 0.0002), "fisheye"),
+        ((286, 286, 415, 398, 848, 800), (-0.0066, 0.0385, -0.0363, 0.0061), "fisheye"),
+        # Folds close to the corners; and a long lens, of large coefficients that mean little.
+        ((300, 300, 159.5, 119.5, 320, 240), (-0.45, 0.0, 0.0, 0.0), "opencv"),
+        ((20000, 20000, 959.5, 539.5, 1920, 1080), (5, -3000, 0, 0, 1e5), "opencv"),
+    ],
+)
+def test_strong_and_long_lenses_are_none_of_those(
+    numbers: tuple[float, float, float, float, int, int],
+    lens: tuple[float, ...],
+    model: DistortionModel,
+) -> None:
+    fx, fy, cx, cy, width, height = numbers
+    k = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
+    camera = Camera.from_matrix(k, width, height, lens, model)
+    assert camera == Camera(*numbers, lens, model)

@@ -252,7 +252,7 @@ BOX = meshes.box_arrays()
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"vertices": np.full((24, 3), np.nan)}, "24 vertices are not finite"),
+        ({"vertices": np.full((24, 3), np.nan)}, "24 vertices are not finite numbers; repair"),
         ({"vertices": np.zeros((24, 3))}, "0 m across"),
         ({"vertices": BOX[0][:, :2]}, "must be .V, 3."),
         ({"faces": np.empty((0, 3), int)}, "no faces"),
@@ -271,3 +271,14 @@ def test_arrays_that_are_refused(change, words):
     arrays = {"vertices": BOX[0], "faces": BOX[1], **change}
     with pytest.raises(InputError, match=words):
         Mesh.from_arrays("box.obj", arrays.pop("vertices"), arrays.pop("faces"), **arrays)
+
+
+def test_vertices_that_no_face_uses_need_not_be_finite():
+    vertices, faces, _, _ = meshes.box_arrays()
+    plain = Mesh.from_arrays("box", vertices, faces)
+    for wrong in (np.nan, np.inf):
+        more = np.concatenate([np.full((2, 3), wrong), vertices, np.full((1, 3), wrong)])
+        mesh = Mesh.from_arrays("box", more, faces + 2)
+        np.testing.assert_array_equal(mesh.vertices, plain.vertices)
+        np.testing.assert_array_equal(mesh.center, plain.center)
+        assert (mesh.diameter, mesh.sphere_diameter) == (plain.diameter, plain.sphere_diameter)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from moveit6d.errors import InputError
-from moveit6d.geometry.pose import Pose
+from moveit6d.geometry.pose import Pose, in_metres
 from moveit6d.geometry.rotation import exp_so3
 
 number = st.floats(-3, 3, allow_nan=False)
@@ -159,3 +159,49 @@ def test_a_saved_pose_comes_back_exactly(tmp_path: Path) -> None:
     assert torch.allclose(back.matrix, pose.matrix, atol=1e-15, rtol=0)
     with pytest.raises(InputError, match="holds one pose"):
         Pose.identity(2).save(tmp_path / "two.json")
+
+
+def test_a_matrix_is_a_pose_file(tmp_path: Path) -> None:
+    pose = Pose.from_rvec([0.3, -0.5, 2.0], [0.1, 0.2, 0.7])
+    matrix = pose.matrix.numpy()
+    np.savetxt(tmp_path / "blanks.txt", matrix)
+    np.savetxt(tmp_path / "commas.csv", matrix, delimiter=",")
+    (tmp_path / "list.json").write_text(json.dumps(matrix.tolist()))
+    (tmp_path / "rows.json").write_text(json.dumps(matrix.tolist()).replace("], ", "],\n"))
+    for path in tmp_path.iterdir():
+        assert close(Pose.load(path), pose, 1e-12), path.name
+    np.savetxt(tmp_path / "turned.txt", matrix.T)
+    with pytest.raises(InputError, match=r"turned\.txt: the last row .* transposed"):
+        Pose.load(tmp_path / "turned.txt")
+    np.savetxt(tmp_path / "mirrored.txt", np.diag([1.0, 1, -1, 1]))
+    with pytest.raises(InputError, match=r"mirrored\.txt: the rotation is left-handed"):
+        Pose.load(tmp_path / "mirrored.txt")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"hello", b"[1, 2]", b"3", b"1 0 0 0\n0 1 0 0\n", b"{", b"\x93NUMPY", b"[" * 9999],
+)
+def test_a_file_of_another_kind_says_what_a_pose_file_holds(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "start").write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        Pose.load(tmp_path / "start")
+    assert str(caught.value).startswith(f"{tmp_path / 'start'} ")
+    assert str(caught.value).endswith(
+        '; a pose file holds {"rotation": 3x3, "translation": [x, y, z]}, metres, or a 4x4 matrix.'
+    )
+
+
+def test_how_far_an_object_stands_is_judged_by_its_middle() -> None:
+    far = np.array([200.0, 0.0, 0.0])
+    pose = Pose.from_rvec([0, 0, 0.7], [0, 0, 0])
+    seen = Pose(pose.rotation, torch.tensor([0, 0, 0.5]) - pose.rotation @ torch.from_numpy(far))
+    assert in_metres(seen, "start.json", far) is seen
+    with pytest.raises(
+        InputError, match=r"start\.json: the object stands 200 m away; .* millimetres"
+    ):
+        in_metres(seen, "start.json")
+    with pytest.raises(InputError, match="millimetres"):
+        in_metres(Pose(seen.rotation, 1000 * seen.translation), "start.json", far)
+    near = Pose.from_rvec([0, 0, 0], [0, 0, 0.5])
+    assert in_metres(near, "start.json", far) is near, "whatever it is, it is not in millimetres"

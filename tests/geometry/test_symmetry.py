@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from moveit6d.errors import InputError
 from moveit6d.geometry.symmetry import ContinuousSymmetry, Symmetries
@@ -76,3 +77,38 @@ def test_bad_entries_are_refused(info, words):
 def test_bad_steps_are_refused():
     with pytest.raises(InputError, match="step_degrees"):
         Symmetries().transforms(step_degrees=0)
+
+
+TURN_Z = [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+TURN_X = [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1]
+
+
+def turned(angle: float, digits: int) -> np.ndarray:
+    """A turn by this angle, degrees, about an upright axis through (10, 20, 0) mm, rounded."""
+    axis = ContinuousSymmetry(np.array([0.0, 0, 1]), np.array([0.01, 0.02, 0]))
+    return axis.turn(np.radians(angle)).round(digits)
+
+
+@pytest.mark.parametrize(("angle", "count"), [(90, 4), (45, 8), (120, 3), (180, 2), (33, 2)])
+def test_products_of_what_is_declared_are_added_where_they_end(angle: float, count: int) -> None:
+    motions = Symmetries(turned(angle, 3)[None]).closed().transforms()
+    assert len(motions) == count  # 33 degrees have 120 multiples
+    point = np.array([0.01, 0.02, 0.3, 1])
+    np.testing.assert_allclose(motions @ point, np.tile(point, (count, 1)), atol=1e-2)
+    turns = np.degrees(np.arctan2(motions[:, 1, 0], motions[:, 0, 0])) % 360
+    np.testing.assert_allclose(turns, angle * np.arange(count), atol=0.1)
+
+
+def test_a_complete_list_stays_as_it_is() -> None:
+    cube = np.tile(np.eye(4), (24, 1, 1))
+    cube[:, :3, :3] = Rotation.create_group("O").as_matrix()
+    complete = Symmetries(cube)
+    assert complete.closed() is complete
+    without = Symmetries(cube[np.trace(cube, axis1=1, axis2=2) < 3.9])  # without the identity
+    assert without.closed() is without and len(without.discrete) == 23
+    generators = Symmetries.from_bop({"symmetries_discrete": [TURN_Z, TURN_X]})
+    assert len(generators.closed().transforms()) == 24
+    half = [-0.999964, -0.00333777, -0.0077452, 0.232611, 0.00321462, -0.999869, 0.0158593]
+    half += [0.694388, -0.00779712, 0.0158338, 0.999844, -0.0792063, 0, 0, 0, 1]
+    measured = Symmetries.from_bop({"symmetries_discrete": [half]})  # LM-O's egg box
+    assert measured.closed() is measured

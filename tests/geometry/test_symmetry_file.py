@@ -49,3 +49,11 @@ def test_files_that_declare_nothing_are_refused(tmp_path: Path, text: str) -> No
     (tmp_path / "can.symmetry.json").write_text(text)
     with pytest.raises(InputError, match=r"can\.symmetry\.json"):
         symmetries_beside(tmp_path / "can.glb")
+
+
+def test_the_quarter_turn_alone_declares_four_motions(tmp_path: Path) -> None:
+    turn = [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    (tmp_path / "can.symmetry.json").write_text(json.dumps({"symmetries_discrete": [turn]}))
+    found = symmetries_beside(tmp_path / "can.glb").transforms()
+    turns = np.degrees(np.arctan2(found[:, 1, 0], found[:, 0, 0])) % 360
+    np.testing.assert_allclose(turns, [0, 90, 180, 270], atol=1e-9)

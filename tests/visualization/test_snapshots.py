@@ -13,11 +13,11 @@ import pytest
 import torch
 from PIL import Image as Pillow
 
+from moveit6d.datasets import video
 from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.video import ImageFolder, Prefetched, VideoFrame, read_image
 from moveit6d.geometry.pose import Pose
 from moveit6d.rendering.backends import make_renderer
-from moveit6d.visualization import snapshots
 from moveit6d.visualization.overlay import GREEN
 from moveit6d.visualization.snapshots import WHITE, Look, as_data, draw, evenly, fetch, near, worst
 
@@ -53,11 +53,11 @@ def test_only_wanted_image_files_are_opened(
     (tmp_path / "frames" / "3.png").write_bytes(b"broken")
     opened: list[str] = []
 
-    def read(path: Path) -> Any:
+    def read(path: Path, depth: Any = None) -> Any:
         opened.append(path.name)
-        return read_image(path)
+        return read_image(path, depth)
 
-    monkeypatch.setattr(snapshots, "read_image", read)
+    monkeypatch.setattr(video, "read_image", read)
     found = list(fetch(Prefetched(ImageFolder(tmp_path / "frames")), {3, 1, 9}))
     assert [frame.index for frame in found] == [1, 3] and opened == ["1.png", "3.png"]
     assert found[0].image is not None and found[0].image[0, 0, 0] == 10

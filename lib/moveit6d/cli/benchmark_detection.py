@@ -185,7 +185,7 @@ def _photos(folder: Path, limit: int | None) -> list[tuple[str, Any]]:
     """Names and pictures of a folder, evenly chosen."""
     from ..datasets.video import open_frames
 
-    found = [(f.name, f.image) for f in open_frames(folder) if f.image is not None]
+    found = [(f.name, f.image) for f in open_frames(folder / "*") if f.image is not None]
     if not found:
         raise InputError(f"{folder}: no picture can be read; give a folder of photographs.")
     if limit is None or limit >= len(found):

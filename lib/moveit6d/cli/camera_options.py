@@ -42,7 +42,10 @@ def camera_of(args: argparse.Namespace, frames: FrameSource) -> Camera:
     if args.camera is not None:
         camera = Camera.load(args.camera)
     else:
-        camera = Camera.from_fov(args.fov, *_size(frames))
+        width, height = _size(frames)
+        # Pixels that are no squares (DV, HDV): the field of view is that of the picture as shown.
+        wide = round(width * getattr(frames, "sample_aspect_ratio", 1))
+        camera = Camera.from_fov(args.fov, max(1, wide), height).resize(width, height)
     detail(f"camera: {camera}")
     return camera
 

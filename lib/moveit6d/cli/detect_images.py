@@ -16,7 +16,16 @@ from typing import TYPE_CHECKING, Any
 from ..config import SeedDetectorConfig
 from ..errors import InputError
 from .camera_options import camera_of
-from .common import Setting, given, make_tools, new_folder, run_facts, versions, weights_facts
+from .common import (
+    Setting,
+    check_size,
+    given,
+    make_tools,
+    new_folder,
+    run_facts,
+    versions,
+    weights_facts,
+)
 from .journal import Journal, pose_line, pose_of
 from .messages import note, progress
 from .narrowing import known_of, unconfirmed
@@ -33,8 +42,8 @@ if TYPE_CHECKING:
 
 NOT_FOUND = 3
 POINTS_ERROR = "points_error_pixels"  # in detection.json, where the points alone say the pose
-# What a run writes beside poses.csv and the pictures of several images.
-WRITTEN = ("pose.json", "overlay.png", "detection.json")
+# What a run writes beside the pictures of several images.
+WRITTEN = ("poses.csv", "pose.json", "overlay.png", "detection.json")
 
 
 @dataclass(frozen=True)
@@ -54,22 +63,20 @@ class _Answer:
 def run(args: argparse.Namespace) -> int:
     """Detect in image after image; what was found is on disk whatever ends the run."""
     from ..datasets.pose_files import PoseWriter
-    from ..datasets.video import ImageList, image_size
+    from ..datasets.video import ImageList, read_image
     from ..geometry.mesh import Mesh
 
     mesh = Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
     images = ImageList(tuple(args.image))
-    for path in images.paths:
-        image_size(path)  # what is no image at all is said before the work
-    camera, known = camera_of(args, images), _known(args)
+    _check_images(images.paths)
+    camera, known = camera_of(args, images), _known(args, mesh)
+    if len(images.paths) == 1:
+        check_size(str(images.paths[0]), read_image(images.paths[0]), camera)
     output = new_folder(args.output)
     setting = Setting.of(args)
     detector = _detector(args, setting, mesh, camera)
     single, answers = len(images.paths) == 1, list[_Answer]()
     with Journal(output / "poses.csv", _facts_of_run(args, setting), args.resume) as journal:
-        if not journal.entries:
-            for name in WRITTEN:  # of an earlier run
-                (output / name).unlink(missing_ok=True)
         with PoseWriter(output / "poses.csv") as table:
             try:
                 for frame in progress(images, len(images.paths), "detect", "image"):
@@ -77,6 +84,8 @@ def run(args: argparse.Namespace) -> int:
                         answer = _from_line(journal.entries[frame.index])
                     else:
                         answer = _answered(detector, frame, args, known, single)
+                        if not frame.index:  # until now all of an earlier run's stays
+                            _clear(output)
                         journal.add(_line(answer))
                         _draw(_picture(output, frame, images.paths), frame, answer, detector)
                     answers.append(answer)
@@ -89,6 +98,22 @@ def run(args: argparse.Namespace) -> int:
             answers[0].poses[0][0].save(output / "pose.json")
         journal.finish()
     return _verdict(args, answers, output)
+
+
+def _check_images(paths: Sequence[Path]) -> None:
+    """What is no image at all is said before the work."""
+    from ..datasets.video import image_size
+
+    for path in paths:
+        if path.is_dir():
+            raise InputError(f"--image {path} is a folder; give its pictures, {path / '*'}.")
+        image_size(path)
+
+
+def _clear(output: Path) -> None:
+    """Remove an earlier run's files, so that none stays beside those of another."""
+    for name in WRITTEN:
+        (output / name).unlink(missing_ok=True)
 
 
 def _facts_of_run(args: argparse.Namespace, setting: Setting) -> dict[str, Any]:
@@ -223,11 +248,13 @@ def _detector(
     )
 
 
-def _known(args: argparse.Namespace) -> dict[str, Any]:
+def _known(args: argparse.Namespace, mesh: Mesh) -> dict[str, Any]:
     """What is known of where the object is, as `PoseDetector.detect` takes it."""
-    from ..geometry.pose import Pose
+    from ..geometry.pose import Pose, in_metres
 
-    start = None if args.start is None else Pose.load(args.start)
+    start = None
+    if args.start is not None:
+        start = in_metres(Pose.load(args.start), str(args.start), mesh.center)
     return {**known_of(args, args.mesh_unit), "start": start}
 
 

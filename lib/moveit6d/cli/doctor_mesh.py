@@ -19,13 +19,14 @@ def run(path: Path, unit: Unit | None, output: Path | None) -> int:
     """Print what was understood and write the picture; 2 if a part of the looks is lost."""
     import numpy as np
 
-    from ..geometry.mesh import Mesh
+    from ..geometry.mesh import METRES, Mesh
     from ..geometry.mesh_files import read_mesh_file
     from ..geometry.symmetry_file import symmetries_beside
 
     surface, content = read_mesh_file(path, allow_untextured=True)
     points = surface.vertices[np.unique(surface.faces)]
     chosen, why = _unit(np.ptp(points, axis=0).max(), content, unit)
+    other = content.other_unit(METRES[chosen])
     mesh = Mesh.from_surface(str(path), surface, chosen, symmetries_beside(path))
     extent = np.ptp(mesh.vertices.astype(np.float64), axis=0)
     lines = [
@@ -37,6 +38,7 @@ def run(path: Path, unit: Unit | None, output: Path | None) -> int:
         ("looks", _looks(mesh)),
         *(("material", text) for text in _materials(content)),
         ("symmetry", _symmetry(mesh)),
+        *([("note", other)] if other else []),
         *(("note", text) for text in content.notes),
         *(("LOST", text) for text in content.warnings),
     ]

@@ -6,7 +6,7 @@ Never tracks or refines.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +30,7 @@ TRACKING = """\
 A sequence folder has camera.json, frames/, a mesh (mesh.glb, model.glb, model.ply, metres)
 and poses.csv with the true poses, perhaps with holes; other formats with --format. Results are
 a folder with one <sequence>.csv (or <sequence>/poses.csv) each or, for one sequence, a
-poses.csv.
+poses.csv or the folder that track wrote it to.
 
 columns:
   ADD<10%d, ADD<5%d  share of frames whose ADD (mean distance of 2000 surface points between
@@ -180,17 +180,35 @@ def tracking(args: argparse.Namespace) -> int:
     levels = {sequence.name: sequence.level for sequence in sequences}
     measured = {}
     for path in args.results:
-        scores = score_results(sequences, path, args.count_resets)
+        track = _track_of(path, list(levels))
+        scores = score_results(sequences, track, args.count_resets)
         absent = [name for name in levels if name not in scores]
         if not scores:
-            raise InputError(f"{path} holds no <sequence>.csv for any of {', '.join(levels)}.")
+            raise InputError(_none_of(path, levels))
         if absent:
             note(f"{path}: no result for {', '.join(absent)}.")
         print(f"\n{path.name}\n\n{tracking_table(scores, levels, args.per_sequence)}")
         if args.reliability is not None:
-            measured[path.name] = reliability(*confidences(sequences, path))
+            measured[path.name] = reliability(*confidences(sequences, track))
     _write_reliability(measured, args.reliability)
     return 0
+
+
+def _track_of(path: Path, names: Sequence[str]) -> Path:
+    """The poses.csv in a folder that `track` wrote, where there is one sequence; else the path."""
+    own = path / "poses.csv"
+    if len(names) != 1 or not own.is_file():
+        return path
+    named = (path / f"{names[0]}.csv", path / names[0] / "poses.csv")
+    return path if any(file.exists() for file in named) else own
+
+
+def _none_of(path: Path, names: Iterable[str]) -> str:
+    """The sentence of results without a track of any sequence."""
+    said = f"{path} holds no <sequence>.csv for any of {', '.join(names)}"
+    if (path / "poses.csv").is_file():
+        return f"{said}; its poses.csv is of one sequence: give that one's folder as --sequences."
+    return f"{said}."
 
 
 def _write_reliability(measured: Mapping[str, Reliability], path: Path | None) -> None:

@@ -26,7 +26,7 @@ class Journal:
     """Lines of JSON beside `output`, flushed one by one; the first says what the run goes by.
 
     Use as a context manager. With `resume` the entries of an interrupted run are kept; `InputError`
-    if that went by other facts.
+    if that went by other facts. One without an entry is no use, and goes with the run.
     """
 
     def __init__(self, output: Path, facts: Mapping[str, Any], resume: bool) -> None:
@@ -35,6 +35,7 @@ class Journal:
         self.resume = resume
         self.entries: list[Any] = self._earlier() if resume else []
         self._file: FileIO | None = None
+        self._holds_any = bool(self.entries)
 
     def __enter__(self) -> Journal:
         if not self.resume and self.path.is_file():
@@ -48,6 +49,7 @@ class Journal:
     def add(self, content: Any) -> None:
         """Note one thing that was done."""
         assert self._file is not None
+        self._holds_any = True
         try:
             write_all(self._file, _line(content))
         except OSError as error:
@@ -67,6 +69,8 @@ class Journal:
         if self._file is not None:
             with suppress(OSError):
                 self._file.close()
+                if not self._holds_any:
+                    self.path.unlink(missing_ok=True)
 
     def _earlier(self) -> list[Any]:
         if not self.path.is_file():

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from ..geometry.pose import Pose
 
 NAMES = ("box", "mask", "points", "distance")
+DARK, HALF, WHITE = 16, 128, 224  # of 255, in a picture of a mask
+MOST_OF_IMAGE = 0.95  # a mask of more is a mistake
 
 
 def add_narrowing_options(parser: argparse.ArgumentParser, where: str = "") -> Any:
@@ -32,7 +34,10 @@ def add_narrowing_options(parser: argparse.ArgumentParser, where: str = "") -> A
         help="left, top, width and height, pixels, around what is visible of the object",
     )
     known.add_argument(
-        "--mask", type=Path, metavar="FILE", help="picture that is not black on the object"
+        "--mask",
+        type=Path,
+        metavar="FILE",
+        help="picture that is black, or transparent, outside of the object",
     )
     known.add_argument(
         "--points",
@@ -113,10 +118,28 @@ def unconfirmed(points: Any, camera: Camera, found: Detection, where: str) -> tu
 
 
 def read_mask(path: Path) -> Any:
-    """A mask picture (H, W), not zero on the object; alpha is ignored."""
+    """A mask picture (H, W): where it is not transparent if it is a cut-out, else not black.
+
+    Of a black and white picture with greys (JPEG, smooth edges) its lighter half is the mask.
+    """
     import numpy as np
 
     from ..datasets.video import opened_image
 
-    with opened_image(path) as mask:
-        return np.asarray(mask.convert("L")) > 0
+    with opened_image(path) as picture:
+        clear = picture.mode in ("RGBA", "LA", "PA") or "transparency" in picture.info
+        alpha = np.asarray(picture.convert("RGBA"))[..., 3] if clear else np.zeros(1)
+        grey = np.asarray(picture.convert("L"))
+        least = DARK if picture.format == "JPEG" else 1  # whose black is not quite black
+    if alpha.min() < HALF <= alpha.max():
+        mask = alpha >= HALF
+    else:
+        lit, white = (int((grey >= level).sum()) for level in (least, WHITE))
+        # Where most is neither black nor white it is labels, or the object itself on black.
+        mask = grey >= (HALF if 2 * white > lit else least)
+    if mask.mean() > MOST_OF_IMAGE:
+        note(
+            f"{path}: the mask is {100 * mask.mean():.0f} % of the image, so that it narrows "
+            "nothing; it should be black, or transparent, outside of the object."
+        )
+    return mask

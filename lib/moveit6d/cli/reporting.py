@@ -5,9 +5,10 @@ Never decides what a page looks like; `visualization` does.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +39,25 @@ class Gathered:
         self.rows[step.row.frame] = step.row
         if step.error is not None:
             self.failures[step.row.frame] = step.error
+
+
+def check_apart(written: Mapping[str, Path | None], output: Path, read: Iterable[Path]) -> None:
+    """`InputError` where a file of an option would take the place of another one of the run.
+
+    `written` are the options with their files, `output` the folder for a track, `read` the inputs.
+    """
+    own = (output, output / "poses.csv", output / "summary.json")
+    taken = {path.resolve() for path in (*own, *read)}
+    for option, path in written.items():
+        if path is None:
+            continue
+        place = path.resolve()
+        movie = place.parent == output.resolve() and fnmatch(place.name, "overlay*.mp4")
+        if movie or place in taken:
+            raise InputError(
+                f"{option} {path} would replace what this run reads or writes; give another name."
+            )
+        taken.add(place)
 
 
 def check_report(path: Path | None, frames: FrameSource) -> None:

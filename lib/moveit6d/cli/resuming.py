@@ -29,10 +29,16 @@ SAME = ("mesh", "mesh_unit", "video", "camera", "fov", "start", "exact_start",
 MISSING = object()
 
 
-def earlier_rows(output: Path, args: argparse.Namespace, config: TrackerConfig) -> list[PoseRow]:
+def earlier_rows(
+    output: Path,
+    args: argparse.Namespace,
+    config: TrackerConfig,
+    center: Any = (0.0, 0.0, 0.0),
+) -> list[PoseRow]:
     """The rows of the interrupted run in a folder; none without `--resume` or before its start.
 
-    `InputError` if its summary.json says that it was begun with other files or settings.
+    `center` is the object's middle in the mesh file's frame. `InputError` if its summary.json says
+    that it was begun with other files or settings.
     """
     from ..datasets.pose_files import by_frame, read_poses, whole_lines
     from ..io import read_json
@@ -40,7 +46,7 @@ def earlier_rows(output: Path, args: argparse.Namespace, config: TrackerConfig) 
     table = output / "poses.csv"
     if not args.resume or not table.is_file():
         return []
-    rows = read_poses(table, whole_lines(table))
+    rows = read_poses(table, whole_lines(table), center)
     if [*by_frame(rows, str(table))] != list(range(len(rows))):
         raise InputError(f"{table}: its frames are not 0, 1, 2, …; it cannot be gone on with.")
     _check_states(rows, table)

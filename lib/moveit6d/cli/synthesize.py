@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("--count is not for --format laval; give more meshes or levels.")
     photos = None
     if args.photos is not None:
-        found = itertools.islice(open_frames(args.photos), PHOTOS)
+        found = itertools.islice(open_frames(args.photos / "*"), PHOTOS)
         photos = [frame.image for frame in found if frame.image is not None]
     if args.format != "folders":
         make_surrogate(args, photos)

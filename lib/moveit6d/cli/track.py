@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from .common import (
     add_tracking_options,
     add_untextured_option,
     add_verb,
+    check_size,
     complaining,
     given,
     make_tools,
@@ -30,21 +32,25 @@ from .earlier import clear_earlier
 from .messages import progress
 from .narrowing import add_narrowing_options, check_first, first_pose, is_narrowed, known_of
 from .objects import load_meshes, object_names, painted, peek, read_starts, wants_paint
-from .reporting import check_report, reporting, rerun_log
+from .reporting import check_apart, check_report, reporting, rerun_log
 from .resuming import earlier_rows, going_on
 
 if TYPE_CHECKING:
+    from ..datasets.video import FrameSource, VideoFrame
     from ..evaluation.run_tracker import TrackSummary
+    from ..geometry.camera import Camera
     from ..geometry.mesh import Mesh
+    from ..geometry.pose import Pose
 
 DESCRIPTION = (
     """\
 Finds the pose in every frame, each starting from the one before; the first frame starts from
 --start, or from where the object is found, in the whole image or where --box, --mask, --points
 and --distance say. A frame that cannot be used (damaged, of another size) is recorded and the
-track goes on with the next one. A start must be roughly right: within about a quarter of the
-object's width and 20 degrees. A lost object is looked for, near where it was and then in the
-whole image, and followed again once it is found.
+track goes on with the next one; only the first that can be read must be of the camera's size. A
+start must be roughly right: within about a quarter of the object's width and 20 degrees. A lost
+object is looked for, near where it was and then in the whole image, and followed again once it
+is found.
 
 Several objects: --mesh, --mesh_unit and --start once for each of them (one --mesh_unit does for
 all); the same mesh twice are two instances.
@@ -58,7 +64,8 @@ files read:
     + CAMERA_FILES
     + """\
   --start   {"rotation": 3x3, "translation": [x, y, z]}: object to camera, x right, y down,
-            z forward, metres, in the frame of the mesh file
+            z forward, metres, in the frame of the mesh file; or as a 4x4 matrix: a JSON list of
+            rows, or four lines of numbers
 
 files written to --output:
   poses.csv     (rows can be read while the track runs)
@@ -160,13 +167,13 @@ def run(args: argparse.Namespace) -> int:
 
     check_first(args)
     meshes = _meshes(args)
-    starts, frames = read_starts(args, len(meshes)), open_frames(args.video)
+    starts, frames = _starts(args, meshes), open_frames(args.video)
     camera = camera_of(args, frames)
-    check_report(args.report, frames)
+    _check_pages(args, frames)
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
     # What is live and read ahead would show the past.
-    ahead = iter(Latest(frames) if is_live(frames) else Prefetched(frames))
+    ahead = _sized(iter(Latest(frames) if is_live(frames) else Prefetched(frames)), camera)
     tools: dict[str, Any] = {
         "policy": policy, "renderer": renderer, "config": setting.config,
         "store": TemplateStore(default_store()), "threads": setting.threads,
@@ -182,7 +189,7 @@ def run(args: argparse.Namespace) -> int:
     names = object_names(args.mesh)
     output = new_folder(args.output)
     records = [TrackSummary() for _ in meshes]
-    earlier = earlier_rows(output, args, setting.config)
+    earlier = earlier_rows(output, args, setting.config, meshes[0].center)
     movie_file = _movie_file(output, args, len(earlier))
     for row in earlier:
         records[0].add_row(row)
@@ -217,6 +224,40 @@ def _meshes(args: argparse.Namespace) -> list[Mesh]:
             "--report, --rerun and --resume are for one object; leave them out with several."
         )
     return load_meshes(args)
+
+
+def _starts(args: argparse.Namespace, meshes: Sequence[Mesh]) -> list[Pose | None]:
+    """The poses of --start; one in millimetres is said with its file."""
+    from ..geometry.pose import in_metres
+
+    starts = read_starts(args, len(meshes))
+    for path, pose, mesh in zip(args.start or (), starts, meshes, strict=False):
+        if pose is not None:
+            in_metres(pose, str(path), mesh.center)
+    return starts
+
+
+def _check_pages(args: argparse.Namespace, frames: FrameSource) -> None:
+    """`InputError` where --report or --rerun cannot be written, or would destroy a file."""
+    given_files = (args.camera, args.mask, args.points, args.weights)
+    read = [path for path in given_files if path is not None]
+    read += [*args.mesh, *(args.start or ()), Path(args.video), *getattr(frames, "paths", ())]
+    check_apart({"--report": args.report, "--rerun": args.rerun}, args.output, read)
+    check_report(args.report, frames)
+
+
+def _sized(frames: Iterator[VideoFrame], camera: Camera) -> Iterator[VideoFrame]:
+    """All frames; `InputError` at once if the first that can be read is not of the camera's size.
+
+    A later one of another size is a bad frame like others.
+    """
+    seen = []
+    for frame in frames:
+        seen.append(frame)
+        if frame.image is not None:
+            check_size(frame.name, frame.image, camera)
+            break
+    return chain(seen, frames)
 
 
 def _about(args: argparse.Namespace) -> dict[str, str]:

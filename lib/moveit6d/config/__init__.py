@@ -23,6 +23,7 @@ from .tracking import (
     MotionConfig,
     MultiStartConfig,
     PerturbationConfig,
+    SingleImageConfig,
     TextureConfig,
     TrackerConfig,
 )
@@ -46,6 +47,7 @@ __all__ = [
     "SecondLookConfig",
     "SeedDetectorConfig",
     "SelectionCriterion",
+    "SingleImageConfig",
     "StateConfig",
     "TemplateConfig",
     "TextureConfig",

@@ -85,6 +85,24 @@ class MultiStartConfig:
 
 
 @dataclass(frozen=True)
+class SingleImageConfig:
+    """The probability that a single image's pose is right, by logistic regression on log odds.
+
+    Of networks with a confidence for searches; others' own confidence is it. Fitted on rendered
+    single images of eight training meshes that were held out (`tools/fit_probabilities.py`).
+
+    Args:
+        confidence: weight of the network's confidence at the end of the refinement.
+        search_confidence: weight of its confidence for searches, at the pose found.
+        intercept: intercept of the regression.
+    """
+
+    confidence: float = 0.72
+    search_confidence: float = 0.74
+    intercept: float = 0.69
+
+
+@dataclass(frozen=True)
 class MotionConfig:
     """The constant-velocity model of a track.
 
@@ -324,6 +342,7 @@ class TrackerConfig:
             object is half occluded or blurred, and its seeming motion would mislead.
         loop: the refinement loop.
         multi_start: refinement from perturbed starts.
+        single_image: how likely the pose found in a single image is right.
         motion: the constant-velocity model.
         contour: region-based refinement.
         calibration: calibration from the first frame.
@@ -343,6 +362,7 @@ class TrackerConfig:
     high_confidence: float = 0.65
     loop: LoopConfig = field(default_factory=LoopConfig)
     multi_start: MultiStartConfig = field(default_factory=MultiStartConfig)
+    single_image: SingleImageConfig = field(default_factory=SingleImageConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
     contour: ContourConfig = field(default_factory=ContourConfig)
     calibration: CalibrationConfig = field(default_factory=CalibrationConfig)

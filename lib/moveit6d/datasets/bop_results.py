@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import math
+import statistics
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ from ..geometry.pose import Pose
 from ..io import read_text, replacing
 
 RESULT_HEADER = ("scene_id", "im_id", "obj_id", "score", "R", "t", "time")
+NEAREST = 0.02  # metres: objects that are nearer to the camera are a mistake of the unit
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class Estimate:
 def read_results(path: Path) -> list[Estimate]:
     """All lines of a BOP result file in their order, the first of which may name the columns.
 
-    An empty file is an `InputError`.
+    An empty file is an `InputError`, and so is one whose translations are metres.
     """
     try:
         rows = list(csv.reader(read_text(path).splitlines()))
@@ -53,7 +55,19 @@ def read_results(path: Path) -> list[Estimate]:
     found = [_estimate(row, f"{path}, row {n}") for n, row in enumerate(rows, 1) if row]
     if not found:
         raise InputError(f"{path} holds no estimate.")
+    _check_unit(path, found)
     return found
+
+
+def _check_unit(path: Path, found: list[Estimate]) -> None:
+    """Refuse translations in metres; zeros, which some write for nothing found, say nothing."""
+    lengths = [float(estimate.pose.translation.norm()) for estimate in found]
+    middle = statistics.median([length for length in lengths if length > 0] or [math.inf])
+    if middle < NEAREST:
+        raise InputError(
+            f"{path}: its translations are {1000 * middle:.3g} mm long, which looks like metres; "
+            "BOP's are millimetres: multiply t by 1000."
+        )
 
 
 def write_results(path: Path, estimates: Iterable[Estimate]) -> None:

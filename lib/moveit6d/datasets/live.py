@@ -9,11 +9,13 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 from ..errors import InputError
 from .video import ReadBeside, VideoFrame, to_upright_rgb
+from .video_file import pixel_aspect
 
 # Protocols of PyAV's ffmpeg; files that are fetched (http) are waited for, streams are not.
 STREAMED = ("rtsp", "rtsps", "rtmp", "rtmps", "rtp", "udp", "srt", "tcp", "mms")
@@ -43,7 +45,7 @@ class NetworkVideo:
         self._address = address
         parts = urlsplit(address)
         self.live = parts.scheme.lower() in STREAMED
-        self.name = f"{parts.scheme}://{parts.hostname or ''}{parts.path}"
+        self.name = f"{parts.scheme}://{_host(parts)}{parts.path}"
         with self._open() as container:
             if not container.streams.video:
                 raise InputError(f"{self.name} holds no video.")
@@ -51,6 +53,7 @@ class NetworkVideo:
             self.live = self.live or container.format.name == "mpjpeg"
             rate = container.streams.video[0].average_rate
             self.fps: float | None = float(rate) if rate else None
+            self.sample_aspect_ratio = pixel_aspect(container.streams.video[0])
 
     def __iter__(self) -> Iterator[VideoFrame]:
         import av
@@ -138,6 +141,16 @@ class Latest(ReadBeside):
                 yield item
         finally:
             given_up.set()
+
+
+def _host(parts: SplitResult) -> str:
+    """Host and port of an address, without user and password."""
+    host = parts.hostname or ""
+    with suppress(ValueError):  # of a port that is no number
+        if parts.port is not None:
+            host = f"[{host}]" if ":" in host else host
+            return f"{host}:{parts.port}"
+    return host
 
 
 def _reason(error: BaseException) -> str:

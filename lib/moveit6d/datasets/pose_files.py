@@ -180,12 +180,13 @@ def whole_lines(path: Path) -> str:
     return text[: text.rfind("\n") + 1]
 
 
-def read_poses(path: Path, text: str | None = None) -> list[PoseRow]:
+def read_poses(path: Path, text: str | None = None, center: Any = (0.0, 0.0, 0.0)) -> list[PoseRow]:
     """All rows of a poses.csv in the order of the file; other columns are ignored.
 
     Needs the columns frame, r11 … r33, tx, ty, tz. A row whose pose is empty or not finite has no
-    pose; one that is half filled, or no rotation, is an `InputError` that names its line. `text` is
-    the file's text if it was read already.
+    pose; one that is half filled, no rotation or in millimetres is an `InputError` that names its
+    line. `text` is the file's text if it was read already; `center` the object's middle in the mesh
+    file's frame (`Mesh.center`), which matters where that is far from the origin.
     """
     lines = read_text(path) if text is None else text
     try:
@@ -196,7 +197,7 @@ def read_poses(path: Path, text: str | None = None) -> list[PoseRow]:
                 f"{path}: no column {', '.join(missing)}; its first line must name the "
                 "columns frame, r11 … r33, tx, ty, tz."
             )
-        return [_read_row(row, f"{path}, line {reader.line_num}") for row in reader]
+        return [_read_row(row, f"{path}, line {reader.line_num}", center) for row in reader]
     except csv.Error as error:
         raise InputError(f"{path} cannot be read: {error}.") from error
 
@@ -211,7 +212,7 @@ def by_frame(rows: Iterable[PoseRow], where: str) -> dict[int, PoseRow]:
     return found
 
 
-def _read_row(row: Mapping[str, str | None], where: str) -> PoseRow:
+def _read_row(row: Mapping[str, str | None], where: str, center: Any) -> PoseRow:
     texts = [(row[column] or "").strip() for column in POSE_COLUMNS]
     pose = None
     if any(texts):
@@ -222,7 +223,7 @@ def _read_row(row: Mapping[str, str | None], where: str) -> PoseRow:
         numbers = [value for value in values if value is not None]
         if all(math.isfinite(value) for value in numbers):
             pose = Pose.checked(numbers[:9], numbers[9:], where=where)
-            pose = in_metres(pose, where)
+            pose = in_metres(pose, where, center)
     frame = _optional(row["frame"], f"{where}: frame")
     if frame is None or not frame.is_integer() or abs(frame) > 2**53:
         raise InputError(f"{where}: frame must be a whole number, found {row['frame']!r}.")

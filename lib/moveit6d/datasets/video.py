@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from .image_depth import deep_rgb, is_deep, to_rgb8
+from .image_depth import BitDepth, deep_rgb, is_deep, to_rgb8
+from .image_names import fits, in_order, is_pattern, series
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
 # Not EPS, for which Pillow starts another program.
@@ -30,6 +31,7 @@ IMAGE_FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP", "PPM", "MPO", "GIF", "TGA
 FREE_PIXELS, PIXELS_PER_BYTE = 40_000_000, 300
 # A camera that gives nothing this many times in a row is taken to be gone.
 CAMERA_PATIENCE = 30
+LOOKED_AT = 8  # images from which the bits of all are told
 AHEAD = 3  # frames that are read while another is worked on
 
 Image = NDArray[np.uint8]
@@ -71,7 +73,10 @@ def open_frames(source: str | Path | int) -> FrameSource:
     """The frames of a folder, a video file, an address (rtsp://…), or the camera with that index.
 
     Images of a folder come in the order of their names, numbers in names compared as numbers
-    (9.png before 10.png). `InputError` if there is nothing to read.
+    (9.png before 10.png), time stamps as decimals. A pattern takes some of them: a glob pattern
+    (`folder/*-color.png`) or printf's (`folder/%06d.jpg`, all such numbers that there are).
+    `InputError` if there is nothing to read, and for a folder that holds several series (colour and
+    depth) without a pattern.
     """
     if isinstance(source, int):
         return LiveCamera(source)
@@ -90,7 +95,11 @@ def open_frames(source: str | Path | int) -> FrameSource:
         if path.is_dir():
             return ImageFolder(path)
         if path.exists():
+            from .video_file import VideoFile
+
             return VideoFile(path)
+        if is_pattern(path.name) and path.parent.is_dir():
+            return ImageFolder(path.parent, path.name)
     if str(source).isdecimal() and len(str(source)) < 4:
         return LiveCamera(int(str(source)))
     raise InputError(
@@ -105,16 +114,19 @@ def image_size(path: Path) -> tuple[int, int]:
         return int(opened.size[0]), int(opened.size[1])
 
 
-def read_image(path: Path) -> Image:
+def read_image(path: Path, depth: BitDepth | None = None) -> Image:
     """One image as RGB (H, W, 3); grey becomes RGB, other depths 8 bits (`image_depth`).
 
-    `InputError` if it is damaged or its numbers cannot be read.
+    `depth` is what other images of the same source have shown of its bits. `InputError` if it is
+    damaged or its numbers cannot be read.
     """
     from PIL import ImageOps
 
     with opened_image(path) as opened:
         deep = is_deep(opened)
-        return deep_rgb(path) if deep else to_rgb8(ImageOps.exif_transpose(opened), path)
+        if deep:
+            return deep_rgb(path, depth)
+        return to_rgb8(ImageOps.exif_transpose(opened), path, depth)
 
 
 @contextmanager
@@ -148,35 +160,68 @@ def opened_image(path: Path) -> Iterator[Any]:
 
 
 class ImageList:
-    """Image files in the order given; a missing or damaged one is a frame with an error."""
+    """Image files in the order given; a missing or damaged one is a frame with an error.
+
+    All are taken to have as many bits as `depth` has seen: those of the brightest so far.
+    """
 
     fps: float | None = None
 
     def __init__(self, paths: Iterable[Path]) -> None:
         self.paths = tuple(paths)
         self.length: int | None = len(self.paths)
+        self.depth = BitDepth()
 
     def __iter__(self) -> Iterator[VideoFrame]:
-        for index, path in enumerate(self.paths):
-            try:
-                yield VideoFrame(index, path.name, read_image(path))
-            except InputError as error:
-                yield VideoFrame(index, path.name, None, str(error))
+        looked = bool(self.depth.bits)
+        for index in range(len(self.paths)):
+            frame = self.frame(index)
+            if self.depth.bits and not looked:  # the first of more than 8 bits may be a dark one
+                looked = True
+                for other in range(0, len(self.paths), 1 + len(self.paths) // LOOKED_AT):
+                    self.frame(other)
+                frame = self.frame(index)
+            yield frame
+
+    def frame(self, index: int) -> VideoFrame:
+        """The frame of that number."""
+        path = self.paths[index]
+        try:
+            return VideoFrame(index, path.name, read_image(path, self.depth))
+        except InputError as error:
+            return VideoFrame(index, path.name, None, str(error))
 
 
 class ImageFolder(ImageList):
-    """The images of a folder in the order of their names."""
+    """The images of a folder in the order of their names, or those whose names fit a pattern.
 
-    def __init__(self, folder: Path) -> None:
+    Without one, `InputError` if they are more than one video (`image_names.series`).
+    """
+
+    def __init__(self, folder: Path, pattern: str | None = None) -> None:
         try:
-            names = [p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES]
+            found = [p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES]
         except OSError as error:
             raise InputError(f"{folder} cannot be read: {error.strerror}.") from error
-        super().__init__(
-            sorted((p for p in names if not p.name.startswith(".")), key=natural_order)
-        )
+        paths = in_order(p for p in found if not p.name.startswith("."))
+        if pattern is not None:
+            paths = [path for path in paths if fits(path.name, pattern)]
+        super().__init__(paths)
+        if not self.paths and pattern is not None:
+            raise InputError(
+                f"{folder / pattern} does not exist: give a folder of images, or a pattern that "
+                "fits some of their names."
+            )
         if not self.paths:
             raise InputError(f"{folder} holds no images ({', '.join(IMAGE_SUFFIXES)}).")
+        several = [] if pattern is not None else series([path.name for path in paths])
+        if several:
+            colour = next((one for one in several if re.search("colou?r|rgb", one, re.I)), "")
+            raise InputError(
+                f"{folder} holds {len(several)} series of images with the same numbers "
+                f"({', '.join(several[:5])}{', …' * (len(several) > 5)}); give the one to read, as "
+                f"'{folder}/{colour or several[0]}', or '{folder}/*' for all."
+            )
 
 
 class ReadBeside:
@@ -240,89 +285,6 @@ class Prefetched(ReadBeside):
             reader.join()
 
 
-class VideoFile:
-    """The frames of a video file, turned upright as players do.
-
-    A damaged frame, and the place where a cut-off file ends, are frames with an error.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        with self._open() as container:
-            stream = _video_stream(container, path)
-            self.length: int | None = stream.frames or None
-            self.fps: float | None = float(stream.average_rate) if stream.average_rate else None
-
-    def __iter__(self) -> Iterator[VideoFrame]:
-        import av
-
-        index, last = 0, 0.0
-        first: float | None = None
-        broken: str | None = None
-        with self._open() as container:
-            stream = _video_stream(container, self.path)
-            packets = container.demux(stream)
-            while True:
-                try:
-                    packet = next(packets)
-                except StopIteration:
-                    break
-                except av.error.FFmpegError as error:
-                    broken = f"{error.strerror}"
-                    break
-                try:
-                    pictures = packet.decode()
-                except av.error.FFmpegError as error:
-                    yield VideoFrame(index, self._name(index), None, f"damaged: {error.strerror}")
-                    index += 1
-                    continue
-                for picture in pictures:
-                    if picture.time is not None:
-                        first = picture.time if first is None else first
-                        last = picture.time - first
-                    yield VideoFrame(index, self._name(index), to_upright_rgb(picture))
-                    index += 1
-            if broken is not None or self._cut_off(container, stream, index, last):
-                whole = f" of {self.length}" if self.length else ""
-                message = f"{self.path} ends after {index}{whole} frames: cut off or damaged"
-                yield VideoFrame(
-                    index, self._name(index), None, f"{message} ({broken or 'no more'})."
-                )
-
-    def _cut_off(self, container: Any, stream: Any, frames: int, last: float) -> bool:
-        """Whether both the promised frames and the promised time are missing.
-
-        One alone proves nothing: edited videos hide frames, and the sound may be longer.
-        """
-        import av
-
-        lengths = [float(container.duration) / av.time_base] if container.duration else []
-        if stream.duration:
-            lengths.append(float(stream.duration * stream.time_base))
-        if not lengths:
-            return False
-        missing: float = min(lengths) - last
-        if self.length:
-            return frames < self.length and missing > 2.5 / (self.fps or 25)
-        return missing > 0.5 + 2.5 / (self.fps or 25)
-
-    def _open(self) -> Any:
-        import av
-
-        try:
-            if not self.path.is_file():  # a pipe would never end
-                raise InputError(f"{self.path} is not a regular file.")
-            return av.open(str(self.path), metadata_errors="replace")
-        except (av.error.FFmpegError, OSError) as error:
-            raise InputError(
-                f"{self.path} is not a video that can be opened ({error.strerror}); a video that "
-                "was cut off while it was written may have lost its index."
-            ) from error
-
-    def _name(self, index: int) -> str:
-        return f"{self.path.name}#{index:06d}"
-
-
 class LiveCamera:
     """The frames of the camera with an index, until it is gone or the user stops."""
 
@@ -356,18 +318,6 @@ class LiveCamera:
                 index += 1
         finally:
             self._device.release()
-
-
-def natural_order(path: Path) -> list[tuple[int, str]]:
-    """Sort key for names: runs of digits compare as numbers."""
-    parts = re.split(r"(\d+)", path.name)
-    return [(int(part), part) if part.isdecimal() else (-1, part) for part in parts]
-
-
-def _video_stream(container: Any, path: Path) -> Any:
-    if not container.streams.video:
-        raise InputError(f"{path} holds no video.")
-    return container.streams.video[0]
 
 
 def to_upright_rgb(picture: Any) -> Image:

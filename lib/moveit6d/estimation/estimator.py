@@ -18,6 +18,7 @@ from ..rendering.renderer import Renderer
 from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
 from .contour_stage import refine_result
+from .final_confidence import with_both_confidences
 from .inputs import camera_of, meshes_of, policy_of, pose_of, renderer_of
 from .multi_start import refine_multi_start
 from .refine import refine_starts
@@ -95,16 +96,20 @@ def refine_single(
 
     A target whose object the camera cannot see gives a failed result. After the loop a policy of
     all axes makes one more iteration with test-time augmentation: a video has other frames to
-    average over, a single image has not.
+    average over, a single image has not. `confidence` is by `SingleImageConfig`.
     """
     starts = starts_of(targets)
     refined = refine_multi_start(starts, policy=policy, renderer=renderer, config=config)
     if config.loop.augment and mode_of(policy, config.loop.mode) is ActionMode.ALL_AXES:
         refined = _augmented(starts, refined, policy, renderer, config.loop)
-    return [
-        refine_result(start.frame, start.mesh, one, renderer, config.contour)[0].result(start.mesh)
+    refined = [
+        refine_result(start.frame, start.mesh, one, renderer, config.contour)[0]
         for start, one in zip(starts, refined, strict=True)
     ]
+    refined = with_both_confidences(
+        starts, refined, policy=policy, renderer=renderer, config=config
+    )
+    return [one.result(start.mesh) for start, one in zip(starts, refined, strict=True)]
 
 
 def _augmented(

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from ..errors import InputError
@@ -18,6 +19,8 @@ from ..geometry.pose import Pose
 from ..policies import Policy, load_policy
 from ..rendering.backends import make_renderer
 from ..rendering.renderer import Renderer
+
+ROUNDING = 1e-6  # by which rotations in float32 are off
 
 
 def meshes_of(meshes: Any) -> list[Mesh]:
@@ -52,8 +55,12 @@ def camera_of(camera: Any) -> Camera:
 
 
 def poses_of(poses: Any, name: str = "Start pose") -> list[Pose]:
-    """One pose or several as a list: `Pose`, 4×4 matrices of any kind of array, lists of both."""
+    """One pose or several as a list: `Pose`, 4×4 matrices of any kind of array, lists of both.
+
+    `InputError` for what is no pose: a rotation is checked as `Pose.checked` does.
+    """
     if isinstance(poses, Pose):
+        poses = _proper(poses, name)
         return [poses] if not poses.batch_shape else [poses[k] for k in range(len(poses))]
     shape = _shape(poses)
     if shape[-2:] == (4, 4) and len(shape) <= 3:
@@ -85,11 +92,19 @@ def start_poses_of(poses: Any, count: int) -> list[Pose | None]:
 def pose_of(pose: Any, name: str = "Start pose") -> Pose:
     """A single pose; `InputError` for several."""
     if isinstance(pose, Pose):
-        return pose
+        return _proper(pose, name)
     found = poses_of(pose, name)
     if len(found) != 1:
         raise InputError(f"{name} must be a single one, found {len(found)}.")
     return found[0]
+
+
+def _proper(pose: Pose, name: str) -> Pose:
+    """The pose itself, with the nearest rotation where its own is slightly off."""
+    checked = Pose.checked(pose.rotation, pose.translation, name)
+    # One that is right stays as it is to the last digit: results do not depend on who made it.
+    off = (checked.rotation - pose.rotation.detach().to("cpu", torch.float64)).abs().max()
+    return pose if off < ROUNDING else checked
 
 
 def _is_list(value: Any) -> bool:

@@ -48,8 +48,9 @@ class TrackingResult:
     """The outcome of a refinement.
 
     `pose` is unbatched float64 in the mesh file's frame, None if it failed, and then `error` says
-    why. `confidence` in [0, 1] is the policy's probability that the pose is right; it is that of
-    the pose at the end of the loop, before contour refinement moved it. `localizability` in [0, 1]
+    why. `confidence` in [0, 1] is the policy's probability that the pose is right; in tracks it is
+    that of the pose at the end of the loop, before contour refinement moved it, and in single
+    images it is by `SingleImageConfig`. `localizability` in [0, 1]
     is the probability that a pose which looks right is right (`localizability`). `milliseconds`
     passed until this object was done. `contour_agreement` is the share of the contour where colours
     change sharply and in the right place, None without contour refinement; `state` is a tracker's.

@@ -10,7 +10,7 @@ import torch
 from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
-from ..geometry.pose import Pose
+from ..geometry.pose import Pose, in_metres
 from ..geometry.visibility import why_unseen
 
 
@@ -18,6 +18,7 @@ def check_start(pose: Pose, mesh: Mesh, camera: Camera) -> None:
     """`InputError` for a start pose (mesh file's frame) whose object the camera cannot see."""
     if pose.batch_shape != ():
         raise InputError(f"Start pose must be a single one, found batch {tuple(pose.batch_shape)}.")
+    in_metres(pose, "Start pose", mesh.center)
     problem = start_problem(mesh.inner(pose.to(torch.float64)), mesh, camera)
     if problem is not None:
         raise InputError(problem)

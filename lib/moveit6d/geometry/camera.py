@@ -18,7 +18,7 @@ from kornia.geometry.camera import project_points, unproject_points
 from torch import Tensor
 
 from ..errors import InputError
-from .lens import DistortionModel, Lens, checked_lens
+from .lens import DistortionModel, Lens, checked_lens, checked_picture
 
 LARGEST = 100_000  # pixels a side
 
@@ -85,7 +85,8 @@ class Camera:
         """From K (3, 3) and the distortion as OpenCV's and ROS' calibrations give them.
 
         Lists and arrays of any float type and shape: K (3, 3) or its nine numbers, distortion
-        (N,), (1, N) or (N, 1). `InputError` for anything that is no such matrix.
+        (N,), (1, N) or (N, 1). `InputError` for anything that is no such matrix, and for a lens
+        that folds the picture well inside of it (`checked_picture`).
 
         >>> Camera.from_matrix([[600, 0, 320], [0, 610, 240], [0, 0, 1]], 640, 480).fy
         610.0
@@ -99,10 +100,13 @@ class Camera:
                 "Camera: an intrinsic matrix has the rows (fx, skew, cx), (0, fy, cy), (0, 0, 1), "
                 f"found {k.tolist()}."
             )
-        return Camera(
+        camera = Camera(
             k[0, 0], k[1, 1], k[0, 2], k[1, 2], width, height,
             distortion, distortion_model, k[0, 1],
         )  # fmt: skip
+        if camera.lens is not None:
+            checked_picture(camera.lens, k, camera.width, camera.height)
+        return camera
 
     @staticmethod
     def from_fov(degrees: float, width: int, height: int) -> Camera:

@@ -7,6 +7,7 @@ names it. What stands in a file under which name is `camera_keys`'s.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,14 @@ from ..errors import InputError
 from ..io import read_text
 from .camera import Camera
 from .camera_keys import camera_of
+from .lens import checked_picture
 
 LARGEST = 4_000_000  # bytes; calibrations with all their corners have some hundred thousand
 SHORTEST = 0.04  # focal length in widths: a pinhole with 170 degrees, beyond any fisheye
 SUFFIXES = (".json", ".yaml", ".yml", ".xml")
+YAML_TAG = "tag:yaml.org,2002:"
+DECIMAL = re.compile(r"[-+]?[0-9]+$")
+FLOATING = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?$")
 
 
 def read_camera_file(path: Path) -> Camera:
@@ -43,6 +48,9 @@ def read_camera_file(path: Path) -> Camera:
         )
     try:
         camera = camera_of(content)
+        if camera.lens is not None:
+            matrix = camera.matrix.numpy()
+            checked_picture(camera.lens, matrix, camera.width, camera.height)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     if max(camera.fx, camera.fy) < SHORTEST * max(camera.width, camera.height):
@@ -81,7 +89,10 @@ def _yaml(text: str, path: Path) -> Any:
 
 
 def _loader() -> Any:
-    """PyYAML's safe loader with OpenCV's matrices, and without aliases, which can grow at will."""
+    """PyYAML's safe loader with OpenCV's matrices and numbers as YAML 1.2 has them.
+
+    Without aliases, which can grow at will.
+    """
     import yaml
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]
@@ -90,11 +101,20 @@ def _loader() -> Any:
                 raise yaml.YAMLError("a camera file needs no aliases")
             return super().compose_node(parent, index)
 
-    def matrix(loader: Any, node: Any) -> Any:
+    def matrix(loader: Any, _: str, node: Any) -> Any:
         return loader.construct_mapping(node, deep=True)
 
-    Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", matrix)
-    Loader.add_constructor("!opencv-matrix", matrix)
+    for prefix in (YAML_TAG, "!"):  # arrays of one dimension have a tag of their own
+        Loader.add_multi_constructor(prefix + "opencv-", matrix)
+    # In YAML 1.1, which PyYAML reads, 1e-4 and -.2 are words and 0640 is 416.
+    whole = YAML_TAG + "int"
+    Loader.yaml_implicit_resolvers = {
+        first: [(tag, form) for tag, form in forms if tag != whole]
+        for first, forms in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+    Loader.add_implicit_resolver(whole, DECIMAL, list("-+0123456789"))
+    Loader.add_implicit_resolver(YAML_TAG + "float", FLOATING, list("-+.0123456789"))
+    Loader.add_constructor(whole, lambda loader, node: int(loader.construct_scalar(node)))
     return Loader
 
 

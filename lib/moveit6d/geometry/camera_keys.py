@@ -28,7 +28,9 @@ NAMES: dict[str, tuple[str, ...]] = {
     "skew": ("skew", "axis_skew"),
     "width": ("width", "image_width", "img_width", "w", "calib_image_width"),
     "height": ("height", "image_height", "img_height", "h", "calib_image_height"),
-    "size": ("resolution", "image_size", "img_size", "imsize", "image_resolution"),
+    "size": (
+        "resolution", "image_size", "img_size", "imsize", "image_resolution", "camera_resolution",
+    ),
     "matrix": (
         "camera_matrix", "K", "intrinsic_matrix", "intrinsics", "intrinsic", "cam_K", "mtx",
         "camera_intrinsics", "K_matrix", "cam_matrix",
@@ -48,6 +50,8 @@ BESIDES = (
     "rectification_matrix", "projection_matrix", "R", "P", "comment", "comments", "description",
     "depth_scale", "depth_units", "cam_overlaps", "rostopic", "timeshift_cam_imu", "T_cam_imu",
     "T_cn_cnm1", "T_imu_cam", "calibration_time", "calibration_date", "date", "nr_of_frames",
+    "nframes", "frames_count", "camera_matrix_std_dev", "dist_coeffs_std_dev",
+    "distortion_coefficients_std_dev", "cam_R_w2c", "cam_t_w2c",
     "frame_count", "board_width", "board_height", "square_size", "marker_size", "aspect_ratio",
     "fix_aspect_ratio", "flags", "calibration_flags", "avg_reprojection_error", "rms", "rms_error",
     "reprojection_error", "per_view_reprojection_errors", "extrinsic_parameters", "image_points",
@@ -105,13 +109,26 @@ def _unwrapped(content: Mapping[str, Any]) -> Mapping[str, Any]:
     own = any(_plain(name) in _MEANINGS for name in content)
     if own or not cameras:
         return content
+    chosen: Mapping[str, Any] = inner[cameras[0]]
+    sized = any(_MEANINGS.get(_plain(name)) in ("width", "height", "size") for name in chosen)
+    if not sized and all("cam_K" in inner[name] for name in cameras):
+        raise InputError(
+            f"the file is BOP's scene_camera.json ({_first(cameras)}), which lacks the images' "
+            "size; give the data set's camera.json, or a file with one of its entries and width "
+            "and height."
+        )
     if len(cameras) > 1:
         raise InputError(
-            f"the file holds {len(cameras)} cameras ({', '.join(map(str, cameras))}); leave the "
-            "one that took the images in a file of its own."
+            f"the file holds {len(cameras)} cameras ({_first(cameras)}); leave the one that took "
+            "the images in a file of its own."
         )
-    chosen: Mapping[str, Any] = inner[cameras[0]]
     return chosen
+
+
+def _first(names: Sequence[Any], most: int = 5) -> str:
+    """The first few names, each cut where it is long."""
+    shown = [f"{name!s:.40}" for name in names[:most]]
+    return ", ".join(shown + ["…"] * (len(names) > most))
 
 
 def _sorted_out(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -301,12 +318,12 @@ def _numbers(value: Any, what: str) -> list[float]:
         if "data" not in value:
             raise InputError(f"{what} has no data, only {', '.join(map(str, value))}.")
         numbers = _numbers(value["data"], what)
-        rows, columns = value.get("rows"), value.get("cols")
-        if None not in (rows, columns) and _one(rows, "rows") * _one(columns, "cols") != len(
-            numbers
-        ):
+        sides = [value[name] for name in ("rows", "cols") if value.get(name) is not None]
+        sides = _numbers(sides if len(sides) == 2 else value.get("sizes", []), "the matrix's size")
+        if sides and math.prod(sides) != len(numbers):
             raise InputError(
-                f"{what} has {len(numbers)} numbers, its rows and cols say {rows} × {columns}."
+                f"{what} has {len(numbers)} numbers, its size says "
+                f"{' × '.join(f'{side:g}' for side in sides)}."
             )
         return numbers
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):

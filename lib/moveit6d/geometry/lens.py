@@ -23,6 +23,9 @@ DistortionModel = Literal["opencv", "fisheye"]
 COUNTS: dict[str, tuple[int, ...]] = {"opencv": (4, 5, 8, 12, 14), "fisheye": (4,)}
 ORDER = "k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]"
 LARGEST = 1e6  # no lens has such a coefficient; beyond it the polynomials overflow
+# No lens folds within this share of the way to the nearest corner, nor puts that corner so many
+# times as far out as a pinhole would: strong wide-angle lenses draw it inwards.
+FOLDED, MOST_STRETCHED = 0.8, 2.0
 _FAR = 1e6  # pixels: outside of every image, and exact in OpenCV's arithmetic
 
 
@@ -44,19 +47,8 @@ class Lens:
         Farther out the polynomial turns back and would show the image's middle again. Infinite
         where it never does.
         """
-        if self.model == "fisheye":
-            angle = np.linspace(0.0, math.pi / 2, 2001)[:-1]
-            shown = angle * _polynomial(angle**2, self.coefficients)
-            tangent = np.tan(angle)
-        else:
-            tangent = np.linspace(0.0, 10.0, 10001)
-            k = (*self.coefficients, *(0.0,) * 4)
-            square = tangent**2
-            above = _polynomial(square, (k[0], k[1], k[4]))
-            below = _polynomial(square, k[5:8] if len(self.coefficients) >= 8 else ())
-            shown = np.where(below > 0, tangent * above / np.where(below > 0, below, 1), -np.inf)
-        turns = np.flatnonzero(np.diff(shown) <= 0)
-        return float(tangent[turns[0]]) if len(turns) else math.inf
+        tangent, _, turns = _radii(self)
+        return float(tangent[-1]) if turns else math.inf
 
     def project(self, points: Float64, matrix: Float64) -> Float64:
         """Pixels (N, 2) of points (N, 3) in the camera's frame, z > 0, for K (3, 3)."""
@@ -166,6 +158,52 @@ def checked_lens(model: str, coefficients: tuple[float, ...]) -> None:
         raise InputError(
             f"Camera: no lens has distortion coefficients such as {max(coefficients, key=abs):.3g}."
         )
+
+
+def checked_picture(lens: Lens, matrix: Float64, width: int, height: int) -> None:
+    """`InputError` if a picture that the lens shows so cannot be, for K (3, 3).
+
+    That is, if it folds well within the corner that is nearest to the principal point, or draws
+    that corner out to more than `MOST_STRETCHED` times its distance. Calibrations that saw nothing
+    in the corners often fold there, and are right everywhere else.
+    """
+    u, v = (np.array([-0.5, side - 0.5]) for side in (width, height))
+    y = np.repeat((v - matrix[1, 2]) / matrix[1, 1], 2)
+    x = (np.tile(u, 2) - matrix[0, 2] - matrix[0, 1] * y) / matrix[0, 0]
+    corner = float(np.hypot(x, y).min())
+    tangent, shown, turns = _radii(lens)
+    advice = "check the calibration: the coefficients' order and model, fx, fy and the image size."
+    if turns and shown[-1] < FOLDED * corner:
+        pixels = shown[-1] * math.sqrt(matrix[0, 0] * matrix[1, 1])
+        raise InputError(
+            f"Camera: the distortion coefficients fold the picture {pixels:.0f} pixels from its "
+            f"centre, well inside of it; {advice}"
+        )
+    without = float(np.interp(corner, shown, tangent))
+    if shown[-1] > corner > MOST_STRETCHED * without:
+        raise InputError(
+            f"Camera: the distortion coefficients draw the picture's corners out to "
+            f"{corner / without:.1f} times their distance from the centre; {advice}"
+        )
+
+
+@lru_cache(maxsize=16)
+def _radii(lens: Lens) -> tuple[Float64, Float64, bool]:
+    """Tangents (N,), where the lens shows them, as radii (N,) that grow; whether it then turns."""
+    if lens.model == "fisheye":
+        angle = np.linspace(0.0, math.pi / 2, 2001)[:-1]
+        shown = angle * _polynomial(angle**2, lens.coefficients)
+        tangent = np.tan(angle)
+    else:
+        tangent = np.linspace(0.0, 10.0, 10001)
+        k = (*lens.coefficients, *(0.0,) * 4)
+        square = tangent**2
+        above = _polynomial(square, (k[0], k[1], k[4]))
+        below = _polynomial(square, k[5:8] if len(lens.coefficients) >= 8 else ())
+        shown = np.where(below > 0, tangent * above / np.where(below > 0, below, 1), -np.inf)
+    turns = np.flatnonzero(shown[1:] <= shown[:-1])
+    end = int(turns[0]) + 1 if len(turns) else len(tangent)
+    return tangent[:end], shown[:end], bool(len(turns))
 
 
 @lru_cache(maxsize=2)  # a 4K camera's take 50 MB

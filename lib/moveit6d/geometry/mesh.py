@@ -80,7 +80,11 @@ class Mesh:
         for warning in content.warnings:
             LOG.warning("%s: %s", path, warning)
         known = symmetries_beside(path) if symmetries is None else symmetries
-        return Mesh.from_surface(str(path), surface, unit, known)
+        mesh = Mesh.from_surface(str(path), surface, unit, known)
+        other = content.other_unit(METRES[unit])
+        if other is not None:
+            LOG.warning("%s: %s; it is %.3g m across", path, other, mesh.diameter)
+        return mesh
 
     @staticmethod
     def from_surface(name: str, surface: Surface, unit: Unit, symmetries: Symmetries) -> Mesh:
@@ -267,13 +271,17 @@ def _checked(name: str, vertices: Any, faces: Any) -> tuple[NDArray[Any], NDArra
     triangles = triangles.astype(np.int64)
     if triangles.min() < 0 or triangles.max() >= len(points):
         raise InputError(f"{name}: a face names a vertex that is not there ({len(points)} are).")
-    bad = ~np.isfinite(points).all(axis=1)
+    used = points[np.unique(triangles)]  # what no face uses is dropped
+    bad = ~np.isfinite(used).all(axis=1)
     if bad.any():
-        raise InputError(f"{name}: {int(bad.sum())} vertices are not finite numbers.")
+        raise InputError(
+            f"{name}: {int(bad.sum())} vertices are not finite numbers; repair the mesh, or remove "
+            "the faces that use them."
+        )
     a, b, c = (points[triangles[:, k]] for k in range(3))
     with np.errstate(over="ignore", invalid="ignore"):
         area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-        size = float(np.ptp(points[np.unique(triangles)], axis=0).max())
+        size = float(np.ptp(used, axis=0).max())
         visible = area > 1e-9 * size * size
     if not visible and size > 0:
         raise InputError(f"{name}: its faces have no area, so that nothing of it can be seen.")

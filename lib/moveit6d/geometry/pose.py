@@ -5,8 +5,10 @@ Never knows pixels, meshes or networks.
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -17,7 +19,7 @@ from torch import Tensor
 
 from ..checks import shown
 from ..errors import InputError
-from ..io import read_json, write_json
+from ..io import read_text, write_json
 from .rotation import exp_so3, from_quaternion, log_so3, nearest_rotation, to_quaternion
 
 LOG = logging.getLogger("moveit6d")
@@ -25,6 +27,7 @@ LOG = logging.getLogger("moveit6d")
 ORTHONORMAL_TOLERANCE = 0.05
 # Metres: no object that fills a crop stands farther away; such a translation is in millimetres.
 FARTHEST = 100.0
+HOLDS = 'a pose file holds {"rotation": 3x3, "translation": [x, y, z]}, metres, or a 4x4 matrix'
 
 
 @dataclass(frozen=True, repr=False)
@@ -64,14 +67,7 @@ class Pose:
         """
         if isinstance(matrix, Tensor):
             return Pose(matrix[..., :3, :3], matrix[..., :3, 3])
-        numbers = _numbers(matrix, "Pose.from_matrix", "matrix")
-        if numbers.shape[-2:] != (4, 4):
-            raise InputError(f"Pose.from_matrix: found shape {tuple(numbers.shape)}, not 4×4.")
-        if (numbers[..., 3, :] - numbers.new_tensor([0.0, 0.0, 0.0, 1.0])).abs().max() > 1e-6:
-            raise InputError(
-                "Pose.from_matrix: the last row must be 0, 0, 0, 1; is the matrix transposed?"
-            )
-        return Pose.checked(numbers[..., :3, :3], numbers[..., :3, 3], "Pose.from_matrix")
+        return _of_matrix(matrix, "Pose.from_matrix")
 
     @staticmethod
     def from_quaternion(quaternion: Any, translation: Any, order: Literal["xyzw", "wxyz"]) -> Pose:
@@ -127,31 +123,19 @@ class Pose:
     def load(path: str | Path) -> Pose:
         """The pose of a pose.json: `rotation` 3×3 and `translation` in metres; float64.
 
-        `InputError` names the file and what is wrong with it.
+        Or of a homogeneous matrix, checked as `from_matrix` does: a JSON list of its four rows, or
+        text of four lines of four numbers (as `numpy.savetxt` writes it). `InputError` names the
+        file and what is wrong with it. How far away the object stands is judged where its mesh is
+        known: the origin of a mesh file may be anywhere.
         """
-        content = read_json(Path(path))
-        missing = [key for key in ("rotation", "translation") if key not in content]
-        if missing:
-            raise InputError(
-                f"{path}: {' and '.join(missing)} missing; a pose needs rotation (3×3) and "
-                "translation (3 numbers, metres)."
-            )
-        unit = content.get("unit", content.get("units", "m"))
-        if unit not in ("m", "metre", "metres", "meter", "meters"):
-            raise InputError(
-                f"{path}: its unit is {unit!r}, but a pose's translation is in metres; convert it "
-                "and leave the unit out."
-            )
-        unknown = sorted(content.keys() - {"rotation", "translation", "unit", "units"})
-        if unknown:
-            LOG.warning(
-                "%s: %s not used; a pose is rotation and translation, metres, object to camera.",
-                path, ", ".join(unknown),
-            )  # fmt: skip
-        pose = Pose.checked(content["rotation"], content["translation"], where=str(path))
+        content = _content(Path(path))
+        if isinstance(content, list):
+            pose = _of_matrix(content, str(path))
+        else:
+            pose = _of_entries(content, path)
         if pose.batch_shape:
             raise InputError(f"{path}: one pose expected, found {pose.batch_shape[0]}.")
-        return in_metres(pose, str(path))
+        return pose
 
     def save(self, path: str | Path) -> None:
         """Write a pose.json that `load` reads back exactly."""
@@ -271,10 +255,67 @@ def _numbers(values: Any, where: str, name: str) -> Tensor:
         raise InputError(f"{where}: the {name} must be numbers, found {shown(values)}.") from None
 
 
-def in_metres(pose: Pose, where: str) -> Pose:
-    """The pose itself; `InputError` for a translation that must be in millimetres."""
-    distance = float(pose.translation.norm())
-    if distance > FARTHEST:
+def _of_matrix(matrix: Any, where: str) -> Pose:
+    numbers = _numbers(matrix, where, "matrix")
+    if numbers.shape[-2:] != (4, 4):
+        raise InputError(f"{where}: found shape {tuple(numbers.shape)}, not 4×4.")
+    if (numbers[..., 3, :] - numbers.new_tensor([0.0, 0.0, 0.0, 1.0])).abs().max() > 1e-6:
+        raise InputError(f"{where}: the last row must be 0, 0, 0, 1; is the matrix transposed?")
+    return Pose.checked(numbers[..., :3, :3], numbers[..., :3, 3], where)
+
+
+def _of_entries(content: dict[str, Any], path: str | Path) -> Pose:
+    missing = [key for key in ("rotation", "translation") if key not in content]
+    if missing:
+        raise InputError(
+            f"{path}: {' and '.join(missing)} missing; a pose needs rotation (3×3) and "
+            "translation (3 numbers, metres)."
+        )
+    unit = content.get("unit", content.get("units", "m"))
+    if unit not in ("m", "metre", "metres", "meter", "meters"):
+        raise InputError(
+            f"{path}: its unit is {unit!r}, but a pose's translation is in metres; convert it "
+            "and leave the unit out."
+        )
+    unknown = sorted(content.keys() - {"rotation", "translation", "unit", "units"})
+    if unknown:
+        LOG.warning(
+            "%s: %s not used; a pose is rotation and translation, metres, object to camera.",
+            path, ", ".join(unknown),
+        )  # fmt: skip
+    return Pose.checked(content["rotation"], content["translation"], where=str(path))
+
+
+def _content(path: Path) -> dict[str, Any] | list[Any]:
+    """What a pose file holds: a JSON object, or the four rows of a matrix."""
+    try:
+        text = read_text(path)
+    except InputError as error:
+        if isinstance(error.__cause__, UnicodeError):
+            raise InputError(f"{path} is not a text file; {HOLDS}.") from None
+        raise
+    rows = [line.replace(",", " ").split() for line in text.splitlines() if line.strip()]
+    with suppress(ValueError):
+        if [len(row) for row in rows] == [4] * 4:
+            return [[float(word) for word in row] for row in rows]
+    with suppress(ValueError, RecursionError):
+        content = json.loads(text)
+        if isinstance(content, dict) or (isinstance(content, list) and len(content) == 4):
+            return content
+    raise InputError(f"{path} holds no pose; {HOLDS}.")
+
+
+def in_metres(pose: Pose, where: str, center: Any = (0.0, 0.0, 0.0)) -> Pose:
+    """The pose itself; `InputError` for a translation that must be in millimetres.
+
+    `center` is the object's middle in the mesh file's frame (`Mesh.center`), which may lie far
+    from that frame's origin; the object stands where the pose takes it.
+    """
+    shift = pose.translation.detach()
+    middle = torch.as_tensor(center).to(shift)
+    distance = float((pose.rotation.detach() @ middle + shift).norm())
+    # A small translation is not in millimetres, whatever else may be wrong with it.
+    if min(distance, float(shift.norm())) > FARTHEST:
         raise InputError(
             f"{where}: the object stands {distance:.0f} m away; the translation looks like "
             "millimetres, divide it by 1000."

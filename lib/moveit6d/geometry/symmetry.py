@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,9 @@ from ..errors import InputError
 
 # BOP cuts a full turn into ceil(pi / 0.01) rotations.
 BOP_STEP_DEGREES = 360.0 / 315
+# Of a list that is completed: the largest finite group of a solid has 60 rotations.
+MOST_MOTIONS = 64
+SAME_TURN = 0.05  # radians: measured symmetries are as far off
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +95,29 @@ class Symmetries:
         discrete = np.stack([np.eye(4), *others])  # (D, 4, 4)
         composed = np.stack(turns)[None] @ discrete[:, None]  # (D, C, 4, 4)
         return np.ascontiguousarray(composed.reshape(-1, 4, 4))
+
+    def closed(self) -> Symmetries:
+        """With all products of the discrete motions, of which a quarter turn alone names four.
+
+        A complete list stays as it is, and so does one without an end (`MOST_MOTIONS`).
+        """
+        found = [np.eye(4), *self.discrete]
+        if len(found) > MOST_MOTIONS:
+            return self
+        for one in found:  # grows on the way
+            for motion in self.discrete:
+                product = motion @ one
+                left, _, right = np.linalg.svd(product[:3, :3])
+                product[:3, :3] = left @ right  # or rounded numbers drift off a rotation
+                # Two motions of an object that turn it alike are the same one.
+                apart = np.linalg.norm((np.stack(found) - product)[:, :3, :3], axis=(1, 2))
+                if apart.min() > math.sqrt(2) * SAME_TURN:
+                    found.append(product)
+            if len(found) > MOST_MOTIONS:
+                return self
+        if len(found) == 1 + len(self.discrete):
+            return self
+        return replace(self, discrete=np.stack(found[1:]))
 
     def centred(self, center: NDArray[np.float64]) -> NDArray[np.float64]:
         """`transforms` in the frame whose origin is at `center` (3,) of the file's: (S, 4, 4)."""

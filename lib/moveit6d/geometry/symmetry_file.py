@@ -1,8 +1,8 @@
 """Symmetries that stand beside a mesh file: BOP's models_info.json, or one object's entry of it.
 
-Never guesses. For `can.glb` the entry is looked for in `can.symmetry.json` (BOP's keys
-`symmetries_discrete` and `symmetries_continuous`, millimetres as in BOP), and for `obj_000005.ply`
-in a `models_info.json` of the same folder too.
+Never guesses, but adds the products of those declared. For `can.glb` the entry is looked for in
+`can.symmetry.json` (BOP's keys `symmetries_discrete` and `symmetries_continuous`, millimetres as in
+BOP), and for `obj_000005.ply` in a `models_info.json` of the same folder too.
 """
 
 from __future__ import annotations
@@ -39,6 +39,6 @@ def symmetries_beside(mesh: Path) -> Symmetries:
 
 def _declared(info: dict[str, Any], path: Path) -> Symmetries:
     try:
-        return Symmetries.from_bop(info)
+        return Symmetries.from_bop(info).closed()
     except InputError as error:
         raise InputError(f"{path}: {error}") from error

@@ -15,8 +15,7 @@ import numpy as np
 import torch
 
 from ..datasets.pose_files import PoseRow
-from ..datasets.video import FrameSource, Image, ImageList, Prefetched, VideoFrame, read_image
-from ..errors import InputError
+from ..datasets.video import FrameSource, Image, ImageList, Prefetched, VideoFrame
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
@@ -77,11 +76,7 @@ def fetch(source: FrameSource, wanted: set[int]) -> Iterator[VideoFrame]:
     files = source.source if isinstance(source, Prefetched) else source
     if isinstance(files, ImageList):
         for index in sorted(number for number in wanted if number < len(files.paths)):
-            path = files.paths[index]
-            try:
-                yield VideoFrame(index, path.name, read_image(path))
-            except InputError as error:
-                yield VideoFrame(index, path.name, None, str(error))
+            yield files.frame(index)
         return
     last = max(wanted, default=-1)
     for frame in files:

@@ -11,8 +11,9 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moveit6d import Camera, InputError
+from moveit6d import Camera, InputError, Mesh
 from moveit6d.estimation.detection.points import (
+    check_points,
     poses_from_points,
     read_points,
     reprojection_error,
@@ -102,3 +103,30 @@ def test_what_cannot_be_right_is_refused(tmp_path: Path) -> None:
     line = np.hstack([np.full((5, 2), 100.0), np.arange(5)[:, None] * [[0.1, 0, 0]]])
     with pytest.raises(InputError, match="no pose in front"):
         poses_from_points(line, CAMERA)
+
+
+@pytest.mark.parametrize("mark", [";", "\t"])
+@pytest.mark.parametrize("heading", ["", "u;v;x;y;z\n", "x;y;z;u;v\n"])
+def test_decimal_commas_of_a_table_program(tmp_path: Path, mark: str, heading: str) -> None:
+    path = tmp_path / "points.csv"
+    rows = ["10,5;20;0,1;0;-0,05", "11;2,25;0;0;7e-3"]
+    if heading.startswith("x"):
+        rows = [";".join(row.split(";")[k] for k in (2, 3, 4, 0, 1)) for row in rows]
+    path.write_text((heading + "\n".join(rows)).replace(";", mark))
+    assert read_points(path, "m").tolist() == [[10.5, 20, 0.1, 0, -0.05], [11, 2.25, 0, 0, 0.007]]
+
+
+def test_points_that_lie_off_the_mesh_are_refused(brick: Mesh) -> None:
+    places = brick.vertices[::9].astype(float) + brick.center
+    rows = np.hstack([np.zeros((len(places), 2)), places])
+    check_points(rows, brick)
+    half = rows + np.array([0, 0, brick.diameter / 2, 0, 0])  # a click beside it
+    check_points(half, brick)
+    check_points(rows[:3], brick)  # too few: that is said elsewhere
+    for factor in (1000, 100, 10):
+        with pytest.raises(InputError, match=r"lie up to .* m from a mesh 0\.\d+ m across"):
+            check_points(rows * factor, brick)
+    with pytest.raises(InputError, match="span no more than"):
+        check_points(rows * [1, 1, 0.001, 0.001, 0.001], brick)
+    with pytest.raises(InputError, match="lie up to"):
+        check_points(rows + np.array([0, 0, 0, 0, 3 * brick.diameter]), brick)  # another frame

@@ -42,3 +42,22 @@ def test_collada_that_is_damaged(tmp_path: Path, content: str) -> None:
     (tmp_path / "box.dae").write_text(content)
     with pytest.raises(InputError, match=r"box\.dae"):
         Mesh.load(tmp_path / "box.dae")
+
+
+def test_a_unit_that_is_not_the_file_s_is_warned_of(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    BOX.write_picture(tmp_path / "skin.png")
+    path = tmp_path / "box.dae"
+    path.write_text(dae())
+    Mesh.load(path, "cm")
+    assert not caplog.text
+    Mesh.load(path, "m")
+    assert (
+        "box.dae: by the file one unit is 0.01 m, but the unit given is 1 m; it is 14.1 m across"
+        in caplog.text
+    )
+    caplog.clear()
+    path.write_text(dae().replace('<unit name="centimeter" meter="0.01"/>', ""))
+    Mesh.load(path, "cm")  # the file says nothing
+    assert not caplog.text

@@ -32,3 +32,13 @@ def test_what_the_file_names_is_listed_once() -> None:
     for name in ("steel", "rubber", "steel"):
         content.name(name)
     assert content.named == ["steel", "rubber"]
+
+
+def test_only_a_unit_that_the_file_contradicts_is_worth_a_word() -> None:
+    content = MeshContent(Path("drill.dae"))
+    assert content.other_unit(1.0) is None
+    content.unit = 0.0254
+    assert content.other_unit(0.0254) is None
+    assert content.other_unit(0.01) == (
+        "by the file one unit is 0.0254 m, but the unit given is 0.01 m"
+    )

@@ -96,3 +96,13 @@ def test_what_is_not_understood_is_refused_by_name(
     with pytest.raises(InputError, match=words) as error:
         load(glb, tmp_path)
     assert len(str(error.value)) < 400 and "\n" not in str(error.value)
+
+
+def test_numbers_that_are_taken_as_millimetres_are_warned_of(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    glb = textured_glb()
+    glb.json["nodes"] = [{"mesh": 0, "scale": [1000, 1000, 1000]}]
+    glb.write(tmp_path / "box.glb")
+    assert Mesh.load(tmp_path / "box.glb", "mm").diameter == pytest.approx(0.1414, abs=1e-3)
+    assert "by the file one unit is 1 m, but the unit given is 0.001 m" in caplog.text

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
@@ -97,7 +98,17 @@ def test_several_materials_whose_coordinates_repeat(tmp_path: Path) -> None:
     path = write(tmp_path, "newmtl a\nmap_Kd skin.png\nnewmtl b\nmap_Kd two.bmp\n", "\n".join(rows))
     picture = BOX.picture.copy()
     picture[0, 0] ^= 1
-    from PIL import Image
-
     Image.fromarray(picture).save(tmp_path / "two.bmp")
     assert all_right(Mesh.load(path))
+
+
+def test_the_picture_itself_as_mask_cuts_nothing_out(tmp_path: Path) -> None:
+    """Exporters name it for the sake of an alpha that it need not have."""
+    for mask in ("skin.png", "./skin.png"):
+        assert all_right(Mesh.load(write(tmp_path, MTL + f"map_d {mask}\n")))
+    alpha = np.full(BOX.picture.shape[:2], 255, np.uint8)
+    alpha[:, :32] = 0  # two of the six sides
+    path = write(tmp_path, MTL + "map_d skin.png\n")
+    Image.fromarray(np.dstack([BOX.picture, alpha])).save(tmp_path / "skin.png")
+    right, count = shown_right(Mesh.load(path))
+    assert 0 < right < count

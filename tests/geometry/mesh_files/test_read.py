@@ -9,7 +9,7 @@ import pytest
 
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
-from tests.support.patches import BOX
+from tests.support.patches import BOX, all_right
 from tests.support.ply_files import ply
 
 
@@ -46,3 +46,26 @@ def test_a_folder_or_a_pipe_is_no_mesh(tmp_path: Path) -> None:
     for name in ("a.obj", "b.ply"):
         with pytest.raises(InputError, match="not a regular file"):
             Mesh.load(tmp_path / name)
+
+
+def test_vertices_that_no_face_uses_may_hold_anything(tmp_path: Path) -> None:
+    from moveit6d.geometry.mesh_files import read_mesh_file
+
+    BOX.write_picture(tmp_path / "skin.png")
+    count = len(BOX.vertices) + 1
+    names = ("x", "y", "z", "texture_u", "texture_v")
+    head = ["comment TextureFile skin.png", f"element vertex {count}"]
+    head += [f"property float {name}" for name in names]
+    head += [f"element face {len(BOX.faces)}", "property list uchar int vertex_indices"]
+    rows = np.concatenate([np.full((1, 5), np.nan), np.hstack([BOX.vertices, BOX.uv])])
+    lines = [" ".join(map(str, row)) for row in rows.tolist()]
+    path = tmp_path / "box.ply"
+    path.write_text(ply(head, lines + ["3 {} {} {}".format(*f) for f in BOX.faces + 1]))
+    surface, _ = read_mesh_file(path)
+    assert np.isfinite(surface.vertices).all()
+    mesh = Mesh.load(path)
+    assert all_right(mesh)
+    assert mesh.diameter == pytest.approx(np.sqrt(0.1**2 + 0.08**2 + 0.06**2))
+    path.write_text(ply(head, lines + ["3 {} {} {}".format(*f) for f in BOX.faces]))
+    with pytest.raises(InputError, match="not finite"):
+        Mesh.load(path)

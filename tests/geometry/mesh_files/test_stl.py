@@ -9,6 +9,7 @@ import pytest
 
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.mesh_files.stl import RECORD
 from tests.support.patches import BOX, all_right
 
 
@@ -28,3 +29,37 @@ def test_stl_face_colours(tmp_path: Path, head: bytes) -> None:
     (tmp_path / "box.stl").write_bytes(content[:-20])
     with pytest.raises(InputError, match="cut off"):
         Mesh.load(tmp_path / "box.stl")
+
+
+def test_a_header_that_counts_too_few_triangles(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    rows = np.zeros(12, RECORD)
+    rows["corners"] = BOX.vertices[BOX.faces]
+
+    def load(count: int, content: bytes) -> Mesh:
+        path = tmp_path / "box.stl"
+        path.write_bytes(b"x" * 80 + np.uint32(count).tobytes() + content)
+        return Mesh.load(path)
+
+    for count in (0, 6):
+        assert len(load(count, rows.tobytes()).faces) == 12
+        assert f"its header counts {count} triangles, but 12 are there" in caplog.text
+    caplog.clear()
+    # What is no triangle is no part of the object, as before.
+    for more in (b"\0", bytes(50), b"\xff" * 50):
+        assert len(load(12, rows.tobytes() + more).faces) == 12
+    assert not caplog.text
+
+
+def test_ascii_in_capitals(tmp_path: Path) -> None:
+    text = "solid Box\n"
+    for face in BOX.vertices[BOX.faces].tolist():
+        corners = "".join("vertex {:e} {:e} {:e}\n".format(*corner) for corner in face)
+        text += f"facet normal 0 0 1\nouter loop\n{corners}endloop\nendfacet\n"
+    text += "endsolid Box\n"
+    for name, content in (("low", text), ("high", text.upper())):
+        (tmp_path / f"{name}.stl").write_text(content)
+        mesh = Mesh.load(tmp_path / f"{name}.stl")
+        found = (mesh.vertices + mesh.center)[mesh.faces]
+        np.testing.assert_allclose(found, BOX.vertices[BOX.faces], atol=1e-6)

@@ -33,7 +33,7 @@ from ..visibility import check_start, start_problem
 from .found import Detection, FoundPose
 from .instances import first_of_instances, is_same_instance
 from .places import Place, PlaceFinder
-from .points import poses_from_points
+from .points import check_points, poses_from_points
 from .pyramid import Pyramid, ladder
 from .region import SearchRegion
 from .steps import Steps, finish
@@ -160,6 +160,7 @@ class PoseDetector:
             given.append(pose_of(start))
             check_start(given[0], self.mesh, self.camera)
         if points is not None:
+            check_points(points, self.mesh)
             given += poses_from_points(points, self.camera)
         region = region.undistorted(self.camera)
         return finish(self.steps(frame, region, given, instances, search=points is None))

@@ -17,28 +17,34 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry.camera import Camera
-from ...geometry.mesh import METRES
+from ...geometry.mesh import METRES, Mesh
 from ...geometry.pose import Pose
 from ...io import read_text
 
 FEWEST = 4  # points: three leave several poses
 FARTHEST = 0.1  # of the picture's longer side: points this far off are mixed up
 SPREAD = 2.0  # pixels: points nearer together say nothing of a pose
+FARTHEST_OFF = 1.0  # of the mesh's diameter, outside of its bounding sphere: not on the mesh
+LEAST_EXTENT = 0.02  # of the mesh's diameter: nobody clicks so near together
 COLUMNS = ("u", "v", "x", "y", "z")
 
 
 def read_points(path: Path, unit: str) -> NDArray[np.float64]:
     """Rows u, v, x, y, z of a CSV file: pixels, and the mesh file's coordinates → metres (N, 5).
 
-    A heading is optional; with one the columns may stand in any order. `InputError` where a row is
-    not five numbers, and where the pixels are all the same: then columns are mixed up.
+    A heading is optional; with one the columns may stand in any order. Where semicolons or tabs
+    part the columns, commas are decimal commas. `InputError` where a row is not five numbers, and
+    where the pixels are all the same: then columns are mixed up.
     """
     rows = []
     order = list(range(5))
     try:
         text = read_text(path)
-        delimiter = next((mark for mark in ";\t" if mark in text and "," not in text), ",")
+        first = text.lstrip().partition("\n")[0]
+        delimiter = next((mark for mark in ";\t" if first.count(mark) == len(COLUMNS) - 1), ",")
         for number, cells in enumerate(csv.reader(text.splitlines(), delimiter=delimiter), 1):
+            if delimiter != ",":
+                cells = [cell.replace(",", ".") for cell in cells]
             if not any(cells):
                 continue
             if number == 1 and not _is_number(cells[0]):
@@ -73,6 +79,25 @@ def _order(path: Path, heading: Sequence[str]) -> list[int]:
             f"{','.join(COLUMNS)}."
         )
     return [names.index(name) for name in COLUMNS]
+
+
+def check_points(points: Any, mesh: Mesh) -> None:
+    """`InputError` where (N, 5) rows lie off a mesh: in another unit, or in another frame."""
+    places = np.asarray(points, np.float64)[:, 2:]
+    if len(places) < FEWEST:
+        return  # `poses_from_points` says so
+    away = float(np.linalg.norm(places - mesh.center, axis=1).max()) - mesh.sphere_diameter / 2
+    extent = float(np.ptp(places, axis=0).max())
+    if away > FARTHEST_OFF * mesh.sphere_diameter:
+        found = f"lie up to {away:.3g} m from"
+    elif extent < LEAST_EXTENT * mesh.sphere_diameter:
+        found = f"span no more than {extent:.3g} m of"
+    else:
+        return
+    raise InputError(
+        f"points: they {found} a mesh {mesh.sphere_diameter:.3g} m across; x, y, z must be in the "
+        "mesh file's unit and frame."
+    )
 
 
 def poses_from_points(points: Any, camera: Camera) -> list[Pose]:

@@ -39,7 +39,8 @@ def read_collada(content: MeshContent) -> None:
     )
     if document.scene is None:
         raise InputError(f"{content.path}: holds no scene.")
-    content.unit = float(document.assetInfo.unitmeter or 1.0)
+    unit = document.assetInfo.unitmeter
+    content.unit = float(unit) if unit else None  # the format's metre is what nobody meant
     axis = UP_AXES.get(str(document.assetInfo.upaxis), "y")
     content.notes.append(f"{axis} points up by the file; its axes are kept as they are")
     looks = _Looks(content)

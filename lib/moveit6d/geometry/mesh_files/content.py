@@ -74,3 +74,9 @@ class MeshContent:
             raise InputError(f"{self.path}: {what}; {remedy}, or {ALLOW}.")
         if what not in self.warnings:
             self.warnings.append(what)
+
+    def other_unit(self, metres: float) -> str | None:
+        """What to warn of where one unit of the file's numbers is taken as so many metres."""
+        if self.unit is None or abs(metres - self.unit) <= 0.01 * metres:
+            return None
+        return f"by the file one unit is {self.unit:g} m, but the unit given is {metres:g} m"

@@ -48,7 +48,7 @@ def add_parts(
             continue
         if textured.any():
             part = _textured(geometry, vertex[textured], uv_at[textured], picture, material.picture)
-            mask = _mask(content, material, pictures)
+            mask = _mask(content, material, picture, pictures)
             content.parts.append(part if mask is None else cut_out(part, mask, 128))
         if not textured.all():
             part = _plain(geometry, vertex[~textured], None)
@@ -144,13 +144,19 @@ def _picture(
 
 
 def _mask(
-    content: MeshContent, material: MtlMaterial, pictures: Pictures
+    content: MeshContent, material: MtlMaterial, shown: Picture, pictures: Pictures
 ) -> NDArray[np.uint8] | None:
-    """The picture of `map_d`: its alpha if it has one, else its grey values."""
+    """The picture of `map_d`: its alpha if it has one, else its grey values.
+
+    None where exporters name the picture that is `shown` there although it has no alpha: its dark
+    parts are no holes.
+    """
     picture = _picture(content, material, material.mask, pictures)
     if picture is None:
         return None
-    return picture.pixels[..., 0] if picture.alpha is None else picture.alpha
+    if picture.alpha is not None:
+        return picture.alpha
+    return None if np.array_equal(picture.pixels, shown.pixels) else picture.pixels[..., 0]
 
 
 def _without_coordinates(

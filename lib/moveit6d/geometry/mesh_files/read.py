@@ -6,6 +6,7 @@ Never knows a format by itself.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from .collada import read_collada
-from .content import ALLOW, MeshContent
+from .content import ALLOW, MeshContent, MeshPart
 from .gltf import read_gltf
 from .join import Surface, join
 from .obj import read_obj
@@ -70,7 +71,7 @@ def read_mesh_file(
 
 
 def _check_parts(content: MeshContent) -> None:
-    content.parts = [part for part in content.parts if len(part.faces)]
+    content.parts = [_of_faces(part) for part in content.parts if len(part.faces)]
     if not content.parts:
         raise InputError(f"{content.path}: holds no faces; a mesh of triangles is needed.")
     for part in content.parts:
@@ -85,6 +86,22 @@ def _check_parts(content: MeshContent) -> None:
                 f"{content.path}: it has texture coordinates that are not finite or far outside of "
                 "the picture; export it again."
             )
+
+
+def _of_faces(part: MeshPart) -> MeshPart:
+    """The part without the vertices that no face uses, where some are not finite numbers."""
+    values = [one for one in (part.vertices, part.uv, part.colors) if one is not None]
+    named = part.faces.min() >= 0 and part.faces.max() < min(map(len, values))
+    if not named or all(np.isfinite(one).all() for one in values):
+        return part
+    used, faces = np.unique(part.faces, return_inverse=True)
+    return replace(
+        part,
+        vertices=part.vertices[used],
+        faces=faces.reshape(-1, 3),
+        uv=None if part.uv is None else part.uv[used],
+        colors=None if part.colors is None else part.colors[used],
+    )
 
 
 def _check_looks(content: MeshContent, surface: Surface) -> None:

@@ -6,6 +6,7 @@ Never guesses a unit.
 from __future__ import annotations
 
 import io
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +23,12 @@ def read_stl(content: MeshContent) -> None:
     """Add the part of an STL file to `content`."""
     data = read_bytes(content.path)
     count = int.from_bytes(data[80:84], "little") if len(data) >= HEAD else -1
-    if count < 0 or len(data) < HEAD + RECORD.itemsize * count:
+    more = len(data) - HEAD - RECORD.itemsize * count
+    named = data[:5].lower() == b"solid" and b"facet" in data.lower()
+    if count < 0 or more < 0 or (more > 0 and named):
         _ascii(content, data, count)
         return
-    if len(data) > HEAD + RECORD.itemsize * count and data[:5] == b"solid" and b"facet" in data:
-        _ascii(content, data, count)
-        return
-    rows = np.frombuffer(data, RECORD, count, HEAD)
+    rows = _all_rows(content, data, count)
     points = rows["corners"].reshape(-1, 3).astype(np.float64)
     part = MeshPart(points, np.arange(len(points)).reshape(-1, 3))
     colors = _colors(rows["attribute"], data[:80])
@@ -36,6 +36,19 @@ def read_stl(content: MeshContent) -> None:
         content.name("face colours")
         part.colors = np.repeat(colors, 3, axis=0)
     content.parts.append(part)
+
+
+def _all_rows(content: MeshContent, data: bytes, count: int) -> NDArray[Any]:
+    """The triangles that the header counts, and those behind them if nothing else is there."""
+    rows = np.frombuffer(data, RECORD, (len(data) - HEAD) // RECORD.itemsize, HEAD)
+    behind = rows["corners"][count:]
+    whole = len(data) == HEAD + rows.nbytes
+    if not (whole and len(behind) and np.isfinite(behind).all() and behind.any((1, 2)).all()):
+        return rows[:count]
+    content.warnings.append(
+        f"its header counts {count} triangles, but {len(rows)} are there; all are read"
+    )
+    return rows
 
 
 def _colors(attribute: NDArray[np.uint16], head: bytes) -> NDArray[np.uint8] | None:
@@ -54,6 +67,7 @@ def _colors(attribute: NDArray[np.uint16], head: bytes) -> NDArray[np.uint8] | N
 def _ascii(content: MeshContent, data: bytes, count: int) -> None:
     import trimesh
 
+    data = data.lower()  # some write SOLID and FACET
     if b"facet" not in data:
         size = HEAD + RECORD.itemsize * max(count, 0)
         raise InputError(
