@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from lightning_modules.pair_data_module import PairDataModule
 from moveit6d import Mesh, Pose, PoseDetector, PoseTracker, load_policy, make_renderer
+from moveit6d.actions import PoseAction
 from moveit6d.config import RecoveryConfig, SingleImageConfig, TrackerConfig
 from moveit6d.datasets.video import open_frames
 from moveit6d.estimation import TemplateStore
@@ -43,6 +44,7 @@ from moveit6d.rendering.renderer import Renderer
 from moveit6d.synthesis.objects.reshape import reshaped
 from moveit6d.synthesis.sequences.sequence import Scene
 from moveit6d.synthesis.single_images import make_cases
+from moveit6d.synthesis.training.clusters import ClusterConfig, draw_delta
 
 DIFFICULTIES = ("occ", "fast", "hard")
 TABLETOP = "easy"  # with other objects around the first one, which touch and hide it
@@ -51,7 +53,7 @@ FRAMES = 44  # of a sequence
 GONE = range(16, 30)  # those that are other pictures
 BORDERLINE = 1.5  # errors between the limit and so many times it are neither right nor wrong
 STARTS = (("all_small", 0.0), ("all_large", 0.0), ("all_large", 1.0))  # cluster, share occluded
-REFINED = 12  # pictures of each mesh and kind of start
+REFINED = 40  # pictures of each mesh and kind of start, and starts of each mesh on tables
 RIDGE = 2.0
 NEVER = TrackerConfig(recovery=RecoveryConfig(enabled=False))
 PLAIN = TrackerConfig(single_image=SingleImageConfig(1.0, 0.0, 0.0))  # the confidence itself
@@ -138,13 +140,14 @@ def examples_of(task: Task) -> tuple[list[Example], list[Example], list[Example]
     return (
         list(candidates(meshes, beside, photos, policy, task.pictures, task.seed)),
         list(tracked_frames(meshes[0], photos, policy, task.seed)),
-        list(refinements(meshes[0], photos, policy, task.seed)),
+        list(refinements(meshes[0], beside, photos, policy, task.seed)),
     )
 
 
 def refinements(
-    mesh: Mesh, photos: Sequence[NDArray[np.uint8]], policy: NetworkPolicy, seed: int
-) -> Iterator[Example]:
+    mesh: Mesh, beside: Sequence[Mesh], photos: Sequence[NDArray[np.uint8]],
+    policy: NetworkPolicy, seed: int,
+) -> Iterator[Example]:  # fmt: skip
     """Where refinements of single pictures end, from near and from far starts."""
     renderer = make_renderer()
     for number, (cluster, occluded) in enumerate(STARTS):
@@ -153,11 +156,29 @@ def refinements(
             seed=seed + number,
         )  # fmt: skip
         for case in cases:
-            result = refine_single([case.target], policy=policy, renderer=renderer, config=PLAIN)[0]
-            if result.pose is not None:
-                error = relative_error(mesh, result.pose, case.truth)
-                said = said_for_searches(case.target, result, policy, renderer)
-                yield Example((result.confidence, said), error, mesh.name)
+            yield from refined_once(case.target, case.truth, policy, renderer)
+    rng = np.random.default_rng(seed)
+    diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
+    for order in range(2):
+        scene = Scene(mesh, seed + 700 + order, FRAMES, TABLETOP, photos, others=beside)
+        for k in range(REFINED // 2):
+            frame = scene.render_frame(k * FRAMES * 2 // REFINED)
+            delta = draw_delta(rng, ClusterConfig(), STARTS[k % 2][0])
+            action = PoseAction.from_delta(torch.from_numpy(delta))
+            start = action.apply_centred(mesh.inner(frame.pose.to(torch.float64)), diameter)
+            target = Target(frame.image, scene.camera, mesh, mesh.outer(start))
+            yield from refined_once(target, frame.pose, policy, renderer)
+
+
+def refined_once(
+    target: Target, truth: Pose, policy: NetworkPolicy, renderer: Renderer
+) -> Iterator[Example]:
+    """Where one refinement ends, if anywhere."""
+    result = refine_single([target], policy=policy, renderer=renderer, config=PLAIN)[0]
+    if result.pose is not None:
+        error = relative_error(target.mesh, result.pose, truth)
+        said = said_for_searches(target, result, policy, renderer)
+        yield Example((result.confidence, said), error, target.mesh.name)
 
 
 def said_for_searches(

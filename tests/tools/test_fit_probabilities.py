@@ -11,9 +11,15 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d.networks.compact import CompactCorrelationNet
+from moveit6d.estimation import StopReason, Target, TrackingResult
+from moveit6d.geometry.camera import Camera
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.pose import Pose
+from moveit6d.networks.compact import CompactConfig, CompactCorrelationNet
 from moveit6d.networks.inference import InferenceNetwork
 from moveit6d.networks.weights_file import load_network, save_network
+from moveit6d.policies import NetworkPolicy
+from moveit6d.rendering.backends import make_renderer
 from tests.support.observations import an_observation
 
 
@@ -77,3 +83,22 @@ def test_a_calibrated_network_says_what_the_line_says(
     expected = tool.probability(line, tool.logit(one.confidence.double().numpy())[:, None])
     np.testing.assert_allclose(other.confidence.numpy(), expected, atol=1e-5)
     torch.testing.assert_close(one.delta, other.delta)
+
+
+def test_both_confidences_of_single_images_are_asked(tool: Any, brick: Mesh) -> None:
+    torch.manual_seed(0)
+    image = np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)
+    pose, camera = (
+        Pose.from_rvec([0, 0, 0.2], [0, 0, 0.7]),
+        Camera(300, 300, 159.5, 119.5, 320, 240),
+    )
+    target, renderer = Target(image, camera, brick, pose), make_renderer()
+    result = TrackingResult(pose, 1, StopReason.STOP_ACTION, 0.4, 1.0)
+    plain, headed = (
+        CompactCorrelationNet(CompactConfig(search_head=head)) for head in (False, True)
+    )
+    assert tool.said_for_searches(target, result, NetworkPolicy(plain), renderer) == 0.5
+    torch.nn.init.constant_(headed.search_head[-1].weight, 0.0)
+    torch.nn.init.constant_(headed.search_head[-1].bias, 2.0)
+    said = tool.said_for_searches(target, result, NetworkPolicy(headed), renderer)
+    assert said == pytest.approx(1 / (1 + np.exp(-2.0)), abs=1e-3)

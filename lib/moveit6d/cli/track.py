@@ -147,7 +147,8 @@ def _add_needed_options(parser: argparse.ArgumentParser) -> None:
         "--video",
         required=True,
         metavar="SOURCE",
-        help="folder of images, video file, address (rtsp://…, http://…) or camera index",
+        help="folder of images or a pattern ('DIR/*-color.png'), video file, address (rtsp://…, "
+        "http://…) or camera index",
     )
     add_camera_options(needed)
     needed.add_argument(

@@ -89,7 +89,8 @@ class SingleImageConfig:
     """The probability that a single image's pose is right, by logistic regression on log odds.
 
     Of networks with a confidence for searches; others' own confidence is it. Fitted on rendered
-    single images of eight training meshes that were held out (`tools/fit_probabilities.py`).
+    single images, tabletops among them, of eight training meshes that were held out
+    (`tools/fit_probabilities.py`).
 
     Args:
         confidence: weight of the network's confidence at the end of the refinement.
@@ -97,9 +98,9 @@ class SingleImageConfig:
         intercept: intercept of the regression.
     """
 
-    confidence: float = 0.72
-    search_confidence: float = 0.74
-    intercept: float = 0.69
+    confidence: float = 1.41
+    search_confidence: float = 0.43
+    intercept: float = -0.45
 
 
 @dataclass(frozen=True)
