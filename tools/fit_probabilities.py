@@ -158,15 +158,13 @@ def refinements(
         for case in cases:
             yield from refined_once(case.target, case.truth, policy, renderer)
     rng = np.random.default_rng(seed)
-    diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
     for order in range(2):
         scene = Scene(mesh, seed + 700 + order, FRAMES, TABLETOP, photos, others=beside)
         for k in range(REFINED // 2):
             frame = scene.render_frame(k * FRAMES * 2 // REFINED)
             delta = draw_delta(rng, ClusterConfig(), STARTS[k % 2][0])
-            action = PoseAction.from_delta(torch.from_numpy(delta))
-            start = action.apply_centred(mesh.inner(frame.pose.to(torch.float64)), diameter)
-            target = Target(frame.image, scene.camera, mesh, mesh.outer(start))
+            start = PoseAction.from_delta(torch.from_numpy(delta)).apply(frame.pose, mesh)
+            target = Target(frame.image, scene.camera, mesh, start)
             yield from refined_once(target, frame.pose, policy, renderer)
 
 
@@ -190,7 +188,7 @@ def said_for_searches(
     centred = target.mesh.inner(result.pose)
     end = Refined(centred, 0, result.stopped_by, result.confidence, 0.0)
     asked = search_confidences([start], [end], policy=policy, renderer=renderer, loop=PLAIN.loop)
-    return asked[0][0] if asked else 0.5  # no weight of it then
+    return asked[0].confidence if asked else 0.5  # no weight of it then
 
 
 def logit(confidence: NDArray[np.float64]) -> NDArray[np.float64]:

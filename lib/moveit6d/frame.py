@@ -64,11 +64,7 @@ def prepare_frame(image: ImageLike | Frame | None, camera: Camera) -> Frame:
         return image
     tensor = _channels_last(_tensor(image), camera)
     height, width = tensor.shape[:2]
-    if (width, height) != (camera.width, camera.height):
-        raise InputError(
-            f"Image is {width}×{height} but the camera is {camera.width}×{camera.height}; "
-            "give the intrinsics of this resolution (Camera.resize converts them)."
-        )
+    check_size("Image", width, height, camera)
     if tensor.is_floating_point():
         tensor = _in_unit_range(tensor)
     elif tensor.dtype == torch.uint16:
@@ -80,6 +76,23 @@ def prepare_frame(image: ImageLike | Frame | None, camera: Camera) -> Frame:
         kind = str(tensor.dtype).removeprefix("torch.")
         raise InputError(f"Image must be uint8 or floating point in [0, 1], found {kind}.")
     return Frame(tensor.permute(2, 0, 1), camera)
+
+
+def check_size(name: str, width: int, height: int, camera: Camera) -> None:
+    """`InputError` for an image of another size than the camera's; says the intrinsics of this."""
+    if (width, height) == (camera.width, camera.height):
+        return
+    hint = ""
+    if abs(height * camera.width / camera.height - width) < 1:  # sizes are rounded to pixels
+        own = camera.resize(width, height)
+        hint = (
+            f" (if the whole picture was scaled: fx {own.fx:.6g}, fy {own.fy:.6g}, "
+            f"cx {own.cx:.6g}, cy {own.cy:.6g})"
+        )
+    raise InputError(
+        f"{name} is {width}×{height} but the camera is {camera.width}×{camera.height}; give the "
+        f"intrinsics of {width}×{height}{hint}."
+    )
 
 
 def _tensor(image: Any) -> Tensor:

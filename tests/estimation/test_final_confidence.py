@@ -61,10 +61,10 @@ def test_the_confidence_is_the_regression_of_both(brick: Mesh) -> None:
     assert after[2] == before[2]
     weights = CONFIG.single_image
     for k in (0, 1):
-        odds = [np.log(p / (1 - p)) for p in (before[k].confidence, said[k][0])]
+        odds = [np.log(p / (1 - p)) for p in (before[k].confidence, said[k].confidence)]
         total = np.dot(odds, (weights.confidence, weights.search_confidence)) + weights.intercept
         assert after[k].confidence == pytest.approx(1 / (1 + np.exp(-total)), abs=1e-6)
-        assert said[k][0] != pytest.approx(before[k].confidence, abs=0.01)
+        assert said[k].confidence != pytest.approx(before[k].confidence, abs=0.01)
         same = replace(after[k], confidence=before[k].confidence)
         assert replace(same, milliseconds=before[k].milliseconds) == before[k], "nothing else"
 

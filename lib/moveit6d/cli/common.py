@@ -22,9 +22,7 @@ from .settings import DEFAULT, PREFIX, add_settings, settings_of
 from .watching import Watcher
 
 if TYPE_CHECKING:
-    from ..datasets.video import Image
     from ..evaluation.run_tracker import TrackedFrame
-    from ..geometry.camera import Camera
     from ..networks.inference import Compute
     from ..policies import Policy
     from ..rendering.renderer import Renderer
@@ -237,24 +235,6 @@ def plain(value: Any) -> Any:
     if isinstance(value, list):
         return [plain(one) for one in value]
     return str(value) if isinstance(value, Path) else value
-
-
-def check_size(name: str, image: Image, camera: Camera) -> None:
-    """`InputError` for an image of another size than the camera's; says the intrinsics of this."""
-    height, width = image.shape[:2]
-    if (width, height) == (camera.width, camera.height):
-        return
-    hint = ""
-    if abs(height * camera.width / camera.height - width) < 1:  # sizes are rounded to pixels
-        own = camera.resize(width, height)
-        hint = (
-            f" (if the whole picture was scaled: fx {own.fx:.6g}, fy {own.fy:.6g}, "
-            f"cx {own.cx:.6g}, cy {own.cy:.6g})"
-        )
-    raise InputError(
-        f"{name} is {width}×{height} but the camera is {camera.width}×{camera.height}; give the "
-        f"intrinsics of {width}×{height}{hint}."
-    )
 
 
 def new_folder(path: Path) -> Path:

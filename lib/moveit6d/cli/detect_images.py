@@ -16,16 +16,7 @@ from typing import TYPE_CHECKING, Any
 from ..config import SeedDetectorConfig
 from ..errors import InputError
 from .camera_options import camera_of
-from .common import (
-    Setting,
-    check_size,
-    given,
-    make_tools,
-    new_folder,
-    run_facts,
-    versions,
-    weights_facts,
-)
+from .common import Setting, given, make_tools, new_folder, run_facts, versions, weights_facts
 from .journal import Journal, pose_line, pose_of
 from .messages import note, progress
 from .narrowing import known_of, unconfirmed
@@ -64,6 +55,7 @@ def run(args: argparse.Namespace) -> int:
     """Detect in image after image; what was found is on disk whatever ends the run."""
     from ..datasets.pose_files import PoseWriter
     from ..datasets.video import ImageList, read_image
+    from ..frame import check_size
     from ..geometry.mesh import Mesh
 
     mesh = Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
@@ -71,7 +63,8 @@ def run(args: argparse.Namespace) -> int:
     _check_images(images.paths)
     camera, known = camera_of(args, images), _known(args, mesh)
     if len(images.paths) == 1:
-        check_size(str(images.paths[0]), read_image(images.paths[0]), camera)
+        height, width = read_image(images.paths[0]).shape[:2]
+        check_size(str(images.paths[0]), width, height, camera)
     output = new_folder(args.output)
     setting = Setting.of(args)
     detector = _detector(args, setting, mesh, camera)

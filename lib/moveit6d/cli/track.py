@@ -20,7 +20,6 @@ from .common import (
     add_tracking_options,
     add_untextured_option,
     add_verb,
-    check_size,
     complaining,
     given,
     make_tools,
@@ -252,11 +251,14 @@ def _sized(frames: Iterator[VideoFrame], camera: Camera) -> Iterator[VideoFrame]
 
     A later one of another size is a bad frame like others.
     """
+    from ..frame import check_size
+
     seen = []
     for frame in frames:
         seen.append(frame)
         if frame.image is not None:
-            check_size(frame.name, frame.image, camera)
+            height, width = frame.image.shape[:2]
+            check_size(frame.name, width, height, camera)
             break
     return chain(seen, frames)
 

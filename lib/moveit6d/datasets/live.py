@@ -15,7 +15,7 @@ from urllib.parse import SplitResult, urlsplit
 
 from ..errors import InputError
 from .video import ReadBeside, VideoFrame, to_upright_rgb
-from .video_file import pixel_aspect
+from .video_file import decoded, pixel_aspect
 
 # Protocols of PyAV's ffmpeg; files that are fetched (http) are waited for, streams are not.
 STREAMED = ("rtsp", "rtsps", "rtmp", "rtmps", "rtp", "udp", "srt", "tcp", "mms")
@@ -61,17 +61,14 @@ class NetworkVideo:
         index = damaged = 0
         try:
             with self._open() as container:
-                for packet in container.demux(container.streams.video[0]):
-                    try:
-                        pictures = packet.decode()
-                    except av.error.FFmpegError as error:
+                for pictures, damage in decoded(container.demux(container.streams.video[0])):
+                    if damage is not None:
                         damaged += 1
                         if damaged > MOST_DAMAGED:
-                            raise
-                        message = f"damaged: {_reason(error)}"
+                            raise damage
+                        message = f"damaged: {_reason(damage)}"
                         yield VideoFrame(index, self._name(index), None, message)
                         index += 1
-                        continue
                     for picture in pictures:
                         damaged = 0
                         yield VideoFrame(index, self._name(index), to_upright_rgb(picture))

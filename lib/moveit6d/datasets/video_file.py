@@ -5,7 +5,7 @@ Never stops at a bad one: that frame says what was wrong.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -48,21 +48,18 @@ class VideoFile:
         broken: str | None = None
         with self._open() as container:
             stream = _video_stream(container, self.path)
-            packets = container.demux(stream)
+            packets = decoded(container.demux(stream))
             while True:
                 try:
-                    packet = next(packets)
+                    pictures, damage = next(packets)
                 except StopIteration:
                     break
                 except av.error.FFmpegError as error:
                     broken = f"{error.strerror}"
                     break
-                try:
-                    pictures = packet.decode()
-                except av.error.FFmpegError as error:
-                    yield VideoFrame(index, self._name(index), None, f"damaged: {error.strerror}")
+                if damage is not None:
+                    yield VideoFrame(index, self._name(index), None, f"damaged: {damage.strerror}")
                     index += 1
-                    continue
                 for picture in pictures:
                     if picture.time is not None:
                         first = picture.time if first is None else first
@@ -108,6 +105,18 @@ class VideoFile:
 
     def _name(self, index: int) -> str:
         return f"{self.path.name}#{index:06d}"
+
+
+def decoded(packets: Iterable[Any]) -> Iterator[tuple[list[Any], Any]]:
+    """Of each of PyAV's packets the pictures, and the error of one that is damaged, else None."""
+    import av
+
+    for packet in packets:
+        try:
+            found, damage = packet.decode(), None
+        except av.error.FFmpegError as error:
+            found, damage = [], error
+        yield found, damage
 
 
 def pixel_aspect(stream: Any, picture: Any = None) -> float:

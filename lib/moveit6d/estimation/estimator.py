@@ -21,7 +21,7 @@ from .contour_stage import refine_result
 from .final_confidence import with_both_confidences
 from .inputs import camera_of, meshes_of, policy_of, pose_of, renderer_of
 from .multi_start import refine_multi_start
-from .refine import refine_starts
+from .refine import once_more
 from .results import Refined, Start, Target, TrackingResult, starts_of
 from .visibility import check_start
 
@@ -121,18 +121,10 @@ def _augmented(
 ) -> list[Refined]:
     """The results after one augmented iteration each; one that fails then stays as it was."""
     found = list(results)
-    ends = [
-        (i, replace(start, centred=result.centred, fine=True))
-        for i, (start, result) in enumerate(zip(starts, results, strict=True))
-        if result.centred is not None
-    ]
-    again = refine_starts(
-        [end for _, end in ends],
-        policy=DihedralAugmentation(policy),
-        renderer=renderer,
-        loop=replace(loop, max_iterations=1),
+    again = once_more(
+        starts, results, policy=DihedralAugmentation(policy), renderer=renderer, loop=loop
     )
-    for (i, _), last in zip(ends, again, strict=True):
+    for i, last in again.items():
         if last.centred is not None:
             found[i] = replace(
                 found[i],

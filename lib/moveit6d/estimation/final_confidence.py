@@ -5,16 +5,15 @@ Never changes a pose.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 from ..config import ActionMode, LoopConfig, SingleImageConfig, TrackerConfig
 from ..policies import NetworkPolicy, Policy, mode_of
 from ..rendering.renderer import Renderer
-from .refine import refine_starts
+from .refine import once_more
 from .results import Refined, Start
-from .states import log_odds
+from .states import from_log_odds, log_odds
 
 
 def with_both_confidences(
@@ -34,11 +33,11 @@ def with_both_confidences(
     if mode_of(policy, config.loop.mode) is not ActionMode.ALL_AXES:
         return found
     asked = search_confidences(starts, results, policy=policy, renderer=renderer, loop=config.loop)
-    for i, (said, milliseconds) in asked.items():
+    for i, said in asked.items():
         found[i] = replace(
             results[i],
-            confidence=probability(config.single_image, results[i].confidence, said),
-            milliseconds=results[i].milliseconds + milliseconds,
+            confidence=probability(config.single_image, results[i].confidence, said.confidence),
+            milliseconds=results[i].milliseconds + said.milliseconds,
         )
     return found
 
@@ -50,28 +49,20 @@ def search_confidences(
     policy: Policy,
     renderer: Renderer,
     loop: LoopConfig,
-) -> dict[int, tuple[float, float]]:
-    """By index of those that have a pose: the confidence for searches there, and milliseconds.
+) -> dict[int, Refined]:
+    """One more iteration, with the confidence for searches; by index of those that have a pose.
 
     Empty for a policy that has none.
     """
     if not isinstance(policy, NetworkPolicy) or policy.for_search is policy:
         return {}
-    rows = [(i, one.centred) for i, one in enumerate(results) if one.centred is not None]
-    ends = refine_starts(
-        [replace(starts[i], centred=centred, fine=True) for i, centred in rows],
-        policy=policy.for_search,
-        renderer=renderer,
-        loop=replace(loop, max_iterations=1),
-    )
-    return {i: (end.confidence, end.milliseconds) for (i, _), end in zip(rows, ends, strict=True)}
+    return once_more(starts, results, policy=policy.for_search, renderer=renderer, loop=loop)
 
 
 def probability(config: SingleImageConfig, confidence: float, search_confidence: float) -> float:
     """That a pose is right, by both confidences, in [0, 1]."""
-    total = (
+    return from_log_odds(
         config.intercept
         + config.confidence * log_odds(confidence)
         + config.search_confidence * log_odds(search_confidence)
     )
-    return 1 / (1 + math.exp(-total))

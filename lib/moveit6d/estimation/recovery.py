@@ -71,14 +71,12 @@ class Supervisor:
 
     def missed(self, error: str = LOST) -> TrackingResult:
         """The result for a frame in which the object was not found."""
-        state = self.machine.update(0.0)
-        return TrackingResult(None, 0, StopReason.FAILED, 0.0, 0.0, error, state=state)
+        return _failed(error, self.machine.update(0.0))
 
     def unread(self, error: str) -> TrackingResult:
         """The result for a frame that cannot be used: it says nothing of the object."""
-        state = self.machine.state
-        state = state if state is TrackingState.LOST else TrackingState.UNCERTAIN
-        return TrackingResult(None, 0, StopReason.FAILED, 0.0, 0.0, error, state=state)
+        lost = self.machine.state is TrackingState.LOST
+        return _failed(error, TrackingState.LOST if lost else TrackingState.UNCERTAIN)
 
     def search(self, frame: Frame, last: Pose | None, taken: Sequence[Pose] = ()) -> Pose | None:
         """Go on looking; a pose (mesh file's frame) to follow the object from, once it is found.
@@ -92,12 +90,10 @@ class Supervisor:
                 self._waiting -= 1
                 return None
             self._steps = self._begin(self.detector, frame, last if self._near else None, taken)
-        try:
-            found = within(self._steps, self.config.max_milliseconds)
-        except BaseException:
-            self._steps = None  # a generator that raised has ended
-            raise
+        steps, self._steps = self._steps, None  # a generator that raises has ended
+        found = within(steps, self.config.max_milliseconds)
         if found is None:
+            self._steps = steps
             return None
         pose = self._finished(found)
         # Another search may have found that instance in the meantime.
@@ -121,11 +117,15 @@ class Supervisor:
         # A time limit bounds what searches cost by itself.
         self._waiting = self._interval - 1 if self.config.max_milliseconds is None else 0
         self._interval = min(2 * self._interval, self.config.interval)
-        self._steps, self._near = None, False
+        self._near = False
         self.check = HalfTurnCheck(self.config)
         if found.pose is not None and self.look is not None:
             self.look.was_found()
         return found.pose
+
+
+def _failed(error: str, state: TrackingState) -> TrackingResult:
+    return TrackingResult(None, 0, StopReason.FAILED, 0.0, 0.0, error, state=state)
 
 
 def _without_pose(result: TrackingResult, error: str) -> TrackingResult:

@@ -78,6 +78,25 @@ def refine_starts(
     return schedule.results()
 
 
+def once_more(
+    starts: Sequence[Start],
+    results: Sequence[Refined],
+    *,
+    policy: Policy,
+    renderer: Renderer,
+    loop: LoopConfig,
+) -> dict[int, Refined]:
+    """One more iteration, in the fine stage, from where each result is; by index, where it is."""
+    rows = [(i, one.centred) for i, one in enumerate(results) if one.centred is not None]
+    ends = refine_starts(
+        [replace(starts[i], centred=centred, fine=True) for i, centred in rows],
+        policy=policy,
+        renderer=renderer,
+        loop=replace(loop, max_iterations=1),
+    )
+    return {i: end for (i, _), end in zip(rows, ends, strict=True)}
+
+
 def _without_bias(output: PolicyOutput, depth_bias: Tensor) -> PolicyOutput:
     """The prediction with the depth bias taken off its delta."""
     if output.delta is None:

@@ -83,14 +83,11 @@ class SecondLook:
             near = start.mesh.outer(start.centred)
             region = SearchRegion(near=near, taken=tuple(taken))
             self._steps = self._begin(start.frame, region)
-        try:
-            found = within(self._steps, self.limit)
-        except BaseException:
-            self._steps = None  # a generator that raised has ended
-            raise
+        steps, self._steps = self._steps, None  # a generator that raises has ended
+        found = within(steps, self.limit)
         if found is None:
+            self._steps = steps
             return None
-        self._steps = None
         return None if found.pose is None else start.mesh.inner(found.pose)
 
     def _begin(self, frame: Frame, region: SearchRegion) -> Steps:

@@ -28,10 +28,16 @@ def log_odds(confidence: float) -> float:
     return math.log(kept / (1 - kept))
 
 
+def from_log_odds(value: float) -> float:
+    """The probability that has these log odds."""
+    return 1 / (1 + math.exp(-value))
+
+
 def probability_of(config: StateConfig, confidence: float, agreement: float) -> float:
     """That a pose is right, by the network's confidence and the contour's agreement, in [0, 1]."""
-    total = config.intercept + config.confidence * confidence + config.agreement * agreement
-    return 1 / (1 + math.exp(-total))
+    return from_log_odds(
+        config.intercept + config.confidence * confidence + config.agreement * agreement
+    )
 
 
 @dataclass

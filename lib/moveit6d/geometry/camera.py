@@ -104,9 +104,7 @@ class Camera:
             k[0, 0], k[1, 1], k[0, 2], k[1, 2], width, height,
             distortion, distortion_model, k[0, 1],
         )  # fmt: skip
-        if camera.lens is not None:
-            checked_picture(camera.lens, k, camera.width, camera.height)
-        return camera
+        return with_possible_picture(camera)
 
     @staticmethod
     def from_fov(degrees: float, width: int, height: int) -> Camera:
@@ -269,3 +267,10 @@ def _coefficients(values: Any) -> tuple[float, ...] | None:
     if array.ndim > 2 or max(array.shape, default=1) != array.size:
         raise InputError(f"Camera: distortion must be a list of numbers, found {array.shape}.")
     return tuple(float(value) for value in array.reshape(-1)) or None
+
+
+def with_possible_picture(camera: Camera) -> Camera:
+    """The camera itself; `InputError` if its lens cannot show such a picture."""
+    if camera.lens is not None:
+        checked_picture(camera.lens, camera.matrix.numpy(), camera.width, camera.height)
+    return camera

@@ -15,9 +15,8 @@ from xml.etree import ElementTree
 
 from ..errors import InputError
 from ..io import read_text
-from .camera import Camera
+from .camera import Camera, with_possible_picture
 from .camera_keys import camera_of
-from .lens import checked_picture
 
 LARGEST = 4_000_000  # bytes; calibrations with all their corners have some hundred thousand
 SHORTEST = 0.04  # focal length in widths: a pinhole with 170 degrees, beyond any fisheye
@@ -47,10 +46,7 @@ def read_camera_file(path: Path) -> Camera:
             "height, or camera_matrix, image_width and image_height, are needed."
         )
     try:
-        camera = camera_of(content)
-        if camera.lens is not None:
-            matrix = camera.matrix.numpy()
-            checked_picture(camera.lens, matrix, camera.width, camera.height)
+        camera = with_possible_picture(camera_of(content))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     if max(camera.fx, camera.fy) < SHORTEST * max(camera.width, camera.height):

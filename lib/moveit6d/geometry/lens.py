@@ -63,7 +63,7 @@ class Lens:
         else:
             pixels, _ = cv2.projectPoints(points, zero, zero, matrix, lens)
         pixels = pixels.reshape(-1, 2)
-        pixels[:, 0] += _skewed(pixels[:, 1], matrix)
+        pixels[:, 0] += skewed(pixels[:, 1], matrix)
         return np.asarray(pixels, np.float64)
 
     def shows(self, points: Float64) -> Mask:
@@ -96,7 +96,7 @@ class Lens:
         import cv2
 
         points = np.array(pixels, np.float64).reshape(-1, 1, 2)
-        points[..., 0] -= _skewed(points[..., 1], matrix)  # of P, not of K, OpenCV heeds the skew
+        points[..., 0] -= skewed(points[..., 1], matrix)  # of P, not of K, OpenCV heeds the skew
         module = cv2.fisheye if self.model == "fisheye" else cv2
         ends = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-9)
         lens = np.array(self.coefficients)
@@ -138,7 +138,7 @@ class Lens:
         module = cv2.fisheye if self.model == "fisheye" else cv2
         u, v = module.initUndistortRectifyMap(matrix, lens, rotation, virtual, size, kind)
         if kind == _float_maps() and matrix[0, 1]:
-            u = u + _skewed(v, matrix).astype(np.float32)
+            u = u + skewed(v, matrix).astype(np.float32)
         return u, v
 
 
@@ -229,6 +229,6 @@ def _polynomial(square: Float64, coefficients: tuple[float, ...]) -> Float64:
     return np.asarray(powers, np.float64)
 
 
-def _skewed(v: Any, matrix: Float64) -> Any:
+def skewed(v: Any, matrix: Float64) -> Any:
     """What the skew adds to u, which OpenCV leaves out: s·y for the distorted y of pixels' v."""
     return matrix[0, 1] * (v - matrix[1, 2]) / matrix[1, 1]

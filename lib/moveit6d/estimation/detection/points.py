@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry.camera import Camera
+from ...geometry.lens import skewed
 from ...geometry.mesh import METRES, Mesh
 from ...geometry.pose import Pose
 from ...io import read_text
@@ -121,7 +122,7 @@ def poses_from_points(points: Any, camera: Camera) -> list[Pose]:
     if camera.lens is not None:
         pixels = camera.lens.undistort(pixels, matrix)
     # OpenCV leaves the skew out: solve for a camera without it.
-    pixels[:, 0] -= matrix[0, 1] * (pixels[:, 1] - matrix[1, 2]) / matrix[1, 1]
+    pixels[:, 0] -= skewed(pixels[:, 1], matrix)
     matrix[0, 1] = 0.0
     solutions: list[tuple[float, Any, Any]] = []
     for method in (cv2.SOLVEPNP_SQPNP, cv2.SOLVEPNP_IPPE):

@@ -5,7 +5,6 @@ Never changes a pose.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,7 +18,7 @@ from ...geometry.pose import Pose
 from ...observation import GREY, observe
 from ...policies import DescriptorPolicy
 from ...rendering.renderer import Renderer
-from ..states import log_odds
+from ..states import from_log_odds, log_odds
 from .templates import CELL, cell_weights
 
 
@@ -37,12 +36,11 @@ class Evidence:
 
     def probability(self, config: VerificationConfig) -> float:
         """That the pose is right."""
-        total = (
+        return from_log_odds(
             config.intercept
             + config.confidence * log_odds(self.confidence)
             + config.similarity * self.similarity
         )
-        return 1 / (1 + math.exp(-total))
 
 
 @torch.inference_mode()
