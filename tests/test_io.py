@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,38 @@ def test_an_error_leaves_the_old_folder_and_no_other(tmp_path: Path) -> None:
         (folder / "two").write_text("2")
         raise RuntimeError
     assert [path.name for path in tmp_path.rglob("*")] == ["set", "one"]
+
+
+def left_behind(place: Path, hours: int) -> Path:
+    """What a killed process left of a folder."""
+    (place / "frames").mkdir(parents=True)
+    (place / "frames" / "one").write_text("half")
+    for path in (place / "frames" / "one", place / "frames", place):
+        changed = path.stat().st_mtime - 3600 * hours
+        os.utime(path, (changed, changed))
+    return place
+
+
+def test_a_killed_run_of_the_same_number_stops_no_folder(tmp_path: Path) -> None:
+    left_behind(tmp_path / f".set.{os.getpid()}", hours=0)
+    with replacing_folder(tmp_path / "set") as folder:
+        (folder / "one").write_text("1")
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["one", "set"]
+
+
+def test_folders_of_killed_processes_are_removed_after_an_hour(tmp_path: Path) -> None:
+    (tmp_path / "gone").write_text("")
+    never = 2**22 - 1  # hardly a process has that number
+    old = left_behind(tmp_path / f".set.{never}", hours=2)
+    young = left_behind(tmp_path / f".set.{never - 1}", hours=0)
+    written = left_behind(tmp_path / f".set.{never - 2}", hours=2)
+    (written / "frames" / "one").write_text("another machine is at it")
+    running = left_behind(tmp_path / f".set.{os.getppid()}", hours=2)
+    dated = left_behind(tmp_path / ".set.20260131", hours=2)
+    with replacing_folder(tmp_path / "set"):
+        assert not old.exists()
+    for kept in (young, written, running, dated):
+        assert (kept / "frames" / "one").is_file()
 
 
 def test_json_of_another_kind_is_refused(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from typing import Any
 from .errors import InputError
 
 LARGEST_TEXT = 512 * 2**20  # bytes
+PROCESSES = 2**22 + 1  # numbers of processes are below; a user's date (.set.20260131) is not
 
 
 @contextmanager
@@ -41,7 +42,7 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _sweep(path)
+        _sweep(path.parent, path.stem, path.suffix)
         if path.is_dir():
             raise InputError(f"{path} is a folder; a file of that name was to be written.")
         try:
@@ -104,17 +105,33 @@ def file_digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _sweep(path: Path) -> None:
-    """Remove temporary files of `path` that processes left which were killed, an hour ago or more.
+def _sweep(folder: Path, stem: str, suffix: str = "") -> None:
+    """Remove temporary files and folders that processes left which were killed an hour ago or more.
 
     Younger ones may belong to another machine that writes to the same folder.
     """
-    for left in path.parent.glob(f".{glob.escape(path.stem)}.*{glob.escape(path.suffix)}"):
-        number = left.name[len(path.stem) + 2 : len(left.name) - len(path.suffix)]
+    for left in folder.glob(f".{glob.escape(stem)}.*{glob.escape(suffix)}"):
+        number = left.name[len(stem) + 2 : len(left.name) - len(suffix)]
+        if not (number.isdecimal() and int(number) < PROCESSES):
+            continue
         with suppress(OSError):
-            old = number.isdecimal() and time.time() - left.stat().st_mtime > 3600
-            if old and not _runs(int(number)):
-                left.unlink()
+            if time.time() - _last_change(left) > 3600 and not _runs(int(number)):
+                _remove(left)
+
+
+def _last_change(path: Path) -> float:
+    """When a file, or anything in a folder, was written last."""
+    inside = path.rglob("*") if path.is_dir() else ()
+    times: list[float] = [one.lstat().st_mtime for one in (path, *inside)]
+    return max(times)
+
+
+def _remove(path: Path) -> None:
+    """Remove a file or a whole folder, if it is there."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def _runs(process: int) -> bool:
@@ -135,6 +152,8 @@ def replacing_folder(path: Path) -> Iterator[Path]:
     """
     work = path.with_name(f".{path.name}.{os.getpid()}")
     try:
+        _sweep(path.parent, path.name)
+        _remove(work)  # in a container a killed run may have had the same number
         work.mkdir(parents=True)
         yield work
         if path.exists():

@@ -40,6 +40,16 @@ def test_what_nothing_replaces_is_removed(
     )
 
 
+def test_files_of_a_track_that_was_gone_on_with_go_with_it(tmp_path: Path) -> None:
+    earlier(tmp_path, rerun=str(tmp_path / "run.rrd"))
+    for name in ("run_000012.rrd", "run_2_copy.rrd", "other_000012.rrd"):
+        (tmp_path / name).write_text("earlier")
+    clear_earlier(tmp_path, [tmp_path / "overlay.mp4", tmp_path / "run.rrd"])
+    left = {path.name for path in tmp_path.iterdir()}
+    assert "run_000012.rrd" not in left and "overlay_000012.mp4" not in left
+    assert {"run.rrd", "run_2_copy.rrd", "other_000012.rrd", "overlay.mp4"} <= left
+
+
 def test_what_is_written_anew_stays_until_then(tmp_path: Path) -> None:
     earlier(tmp_path, report=str(tmp_path / "report.html"))
     clear_earlier(tmp_path, [tmp_path / "overlay.mp4", tmp_path / "report.html"])

@@ -134,16 +134,48 @@ def test_a_killed_benchmark_goes_on(
 def test_a_full_disk_keeps_the_rows(
     forks: Forks, track: list[str], oracle: dict[str, Any], tmp_path: Path
 ) -> None:
-    code, said = forks.run(*track, "--no_overlay", oracle=oracle, bytes_a_file=1900)
-    assert code == 2 and "summary.json cannot be written: File too large" in sentence(said)
+    update = "moveit6d.estimation:PoseTracker.update"
+    assert forks.run(*track, "--no_overlay", oracle=oracle, kill=(update, 2))[0] == -9
     out = tmp_path / "out"
-    assert {path.name for path in out.iterdir()} == {"poses.csv"}
-    assert len(read_poses(out / "poses.csv")) == 6
-    code, said = forks.run(*track, "--no_overlay", oracle=oracle, bytes_a_file=700)
+    journal, table = out / "poses.csv.unfinished", out / "poses.csv"
+    size = journal.stat().st_size
+    code, said = forks.run(*track, "--no_overlay", oracle=oracle, bytes_a_file=size)
+    assert code == 2 and "summary.json cannot be written: File too large" in sentence(said)
+    assert {path.name for path in out.iterdir()} == {journal.name, table.name}
+    assert len(read_poses(table)) == 6
+    first = tmp_path / "sequences" / "clip" / "frames" / "000000.png"
+    for number in range(6, 30):  # with long names, which make long rows
+        first.with_stem(f"{number:06d}{200 * 'x'}").write_bytes(first.read_bytes())
+    code, said = forks.run(*track, "--no_overlay", oracle=oracle, bytes_a_file=size)
     assert code == 2 and "cannot be written" in sentence(said)
-    assert [row.frame for row in read_poses(out / "poses.csv")] == [0, 1, 2]
+    kept = [row.frame for row in read_poses(table)]
+    assert kept == [*range(len(kept))] and 6 < len(kept) < 30
     code, said = forks.run(*track, "--no_overlay", "--resume", oracle=oracle)
-    assert code == 0 and len(read_poses(out / "poses.csv")) == 6
+    assert code == 0 and [row.frame for row in read_poses(table)] == [*range(30)]
+    assert {path.name for path in out.iterdir()} == {table.name, "summary.json"}
+
+
+def test_a_killed_track_goes_on_with_what_it_was_begun_with(
+    forks: Forks, track: list[str], oracle: dict[str, Any], tmp_path: Path
+) -> None:
+    out, update = tmp_path / "out", "moveit6d.estimation:PoseTracker.update"
+    track += ["--no_overlay", "--threads", "1"]
+    assert forks.run(*track, oracle=oracle, kill=(update, 3))[0] == -9
+    rows = (out / "poses.csv").read_bytes()
+    assert {path.name for path in out.iterdir()} == {"poses.csv", "poses.csv.unfinished"}
+    code, said = forks.run(*track, "--resume", "--loop.max_iterations", "1", oracle=oracle)
+    assert code == 2 and "a track with another --loop.max_iterations;" in sentence(said)
+    assert (out / "poses.csv").read_bytes() == rows
+    assert forks.run(*track, "--resume", oracle=oracle, kill=(update, 3))[0] == -9
+    code, said = forks.run(*track, "--resume", "--mode", "single", oracle=oracle)
+    assert code == 2 and "a track with another --" in sentence(said)
+    assert forks.run(*track, "--resume", oracle=oracle)[0] == 0
+    assert [row.frame for row in read_poses(out / "poses.csv")] == [*range(6)]
+    assert (out / "poses.csv").read_bytes().startswith(rows)
+    assert {path.name for path in out.iterdir()} == {"poses.csv", "summary.json"}
+    assert forks.run(*track, oracle=oracle, kill=(update, 1))[0] == -9
+    code, said = forks.run(*track, "--resume", oracle=oracle)
+    assert code == 2 and "nothing says which arguments and settings" in sentence(said)
 
 
 def test_a_full_disk_keeps_what_was_refined(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from moveit6d.cli.journal import Journal
+from moveit6d.cli.journal import Journal, read_journal
 from moveit6d.errors import InputError
 
 FACTS = {"split": "test", "weights": "a"}
@@ -31,18 +31,25 @@ def test_what_was_done_is_gone_on_from(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_new_run_begins_anew(tmp_path: Path) -> None:
-    interrupted(tmp_path / "r.csv")
+def test_a_new_run_begins_anew(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = interrupted(tmp_path / "r.csv")
     assert Journal(tmp_path / "r.csv", FACTS, resume=False).entries == []
+    with Journal(tmp_path / "r.csv", FACTS, resume=False):
+        assert "--resume goes on" in capsys.readouterr().err
+        assert read_journal(path) == (FACTS, [])
+    path.write_text("{}\n")
+    with Journal(tmp_path / "r.csv", FACTS, resume=False):
+        assert capsys.readouterr().err == "", "there was nothing to go on with"
 
 
 def test_other_facts_and_damage_are_refused(tmp_path: Path) -> None:
     path = interrupted(tmp_path / "r.csv")
     with pytest.raises(InputError, match="run with another weights"):
         Journal(tmp_path / "r.csv", {**FACTS, "weights": "b"}, resume=True)
-    path.write_text("{}\nno json\n")
-    with pytest.raises(InputError, match="damaged; delete it"):
-        Journal(tmp_path / "r.csv", FACTS, resume=True)
+    for damage in ("{}\nno json\n", "[]\n", ""):
+        path.write_text(damage)
+        with pytest.raises(InputError, match="damaged; delete it"):
+            Journal(tmp_path / "r.csv", FACTS, resume=True)
 
 
 def test_one_without_an_entry_goes(tmp_path: Path) -> None:

@@ -77,8 +77,8 @@ def test_what_can_be_seen_only_once_has_no_report(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["out", "out/poses.csv", "out/summary.json", "out/overlay.mp4", "out/overlay_000012.mp4",
-     "mesh.ply", "out/../mesh.ply", "link.html", "log.rrd"],
+    ["out", "out/poses.csv", "out/poses.csv.unfinished", "out/summary.json", "out/overlay.mp4",
+     "out/overlay_000012.mp4", "mesh.ply", "out/../mesh.ply", "link.html", "log.rrd"],
 )  # fmt: skip
 def test_a_report_replaces_no_file_of_the_run(tmp_path: Path, name: str) -> None:
     (tmp_path / "link.html").symlink_to(tmp_path / "mesh.ply")
@@ -93,10 +93,15 @@ def test_the_runs_own_files_stay(clip: Clip, capsys: Any) -> None:
     clip.output.mkdir()
     (clip.output / "poses.csv").write_text("earlier")
     inputs = ("mesh.ply", "camera.json", "start.json", "frames", "frames/000002.png")
-    before = {name: (clip.folder / name).stat() for name in inputs}
+
+    def written() -> dict[str, tuple[int, int]]:  # not when it was read last, which changes
+        found = {name: (clip.folder / name).stat() for name in inputs}
+        return {name: (stat.st_ino, stat.st_mtime_ns) for name, stat in found.items()}
+
+    before = written()
     for path in (clip.output / "poses.csv", *(clip.folder / name for name in inputs)):
         for option in ("--report", "--rerun"):
             assert clip.track(option, str(path)) == 2
             assert f"{option} {path} would replace" in capsys.readouterr().err
     assert (clip.output / "poses.csv").read_text() == "earlier"
-    assert before == {name: (clip.folder / name).stat() for name in inputs}
+    assert before == written()

@@ -13,8 +13,9 @@ import pytest
 import torch
 
 from moveit6d.cli.common import given, weights_facts
+from moveit6d.cli.journal import Journal
 from moveit6d.cli.main import make_parser
-from moveit6d.cli.resuming import earlier_rows, tell
+from moveit6d.cli.resuming import earlier_rows, tell, track_facts
 from moveit6d.config import TrackerConfig
 from moveit6d.datasets.pose_files import PoseRow, read_poses, write_poses
 from moveit6d.datasets.video import VideoFrame
@@ -150,6 +151,77 @@ def test_what_decides_a_track_must_be_the_same(tmp_path: Path, option: str) -> N
     assert len(earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())) == 1
     with pytest.raises(InputError, match=f"another {option.split()[0]};"):
         earlier_rows(tmp_path, arguments(tmp_path, *option.split()), TrackerConfig())
+
+
+def killed(output: Path, *more: str, rows: bool = True) -> None:
+    """A folder as a track leaves it that is killed, after or before its first row."""
+    write_poses(output / "poses.csv", [PoseRow(0, state="tracking")])
+    facts = track_facts(arguments(output, *more), TrackerConfig())
+    with Journal(output / "poses.csv", facts, resume=False) as journal:
+        journal.add({"first": 0})
+        kept = journal.path.read_bytes()
+    lines = kept.splitlines(keepends=True)
+    journal.path.write_bytes(kept if rows else lines[0])
+
+
+def test_a_killed_track_goes_on_with_its_own_facts_alone(tmp_path: Path) -> None:
+    killed(tmp_path, "--float32")
+    args = arguments(tmp_path, "--float32")
+    assert len(earlier_rows(tmp_path, args, TrackerConfig())) == 1
+    with pytest.raises(InputError, match="another --float32;"):
+        earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())
+    other = replace(TrackerConfig(), low_confidence=0.123)
+    with pytest.raises(InputError, match="another --low_confidence;"):
+        earlier_rows(tmp_path, args, other)
+
+
+def test_rows_of_which_nobody_knows_the_facts_are_refused(tmp_path: Path) -> None:
+    killed(tmp_path, rows=False)  # before its first row: that in the table is another track's
+    refused = pytest.raises(InputError, match=r"poses\.csv: nothing says which arguments and sett")
+    with refused:
+        earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())
+    (tmp_path / "poses.csv.unfinished").unlink()
+    config = TrackerConfig().as_dict()
+    for foreign in ({}, {"arguments": 3, "config": []}, {"arguments": {}, "config": config}):
+        write_json(tmp_path / "summary.json", foreign)
+        with refused:
+            earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())
+    (tmp_path / "summary.json").unlink()
+    with refused:
+        earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())
+    write_poses(tmp_path / "poses.csv", [])
+    assert earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig()) == [], "there is nothing"
+
+
+def test_a_report_shows_the_whole_track_and_a_log_stays(
+    clip: Clip, interrupt_update: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = clip.folder / "report.html"
+    with monkeypatch.context():
+        interrupt_update(3)
+        assert clip.track("--no_overlay", "--report", str(page)) == 130
+    monkeypatch.undo()
+    for _ in ("the rest", "nothing is left to do"):
+        assert clip.track("--no_overlay", "--report", str(page), "--resume") == 0
+        assert "5 frames, 0 without a pose" in page.read_text()
+        assert page.read_text().count("<tr ") == 5
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_file_for_rerun_is_not_replaced_by_one_of_later_frames(
+    clip: Clip, interrupt_update: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("rerun")
+    log, later = clip.folder / "run.rrd", clip.folder / "run_000002.rrd"
+    with monkeypatch.context():
+        interrupt_update(3)
+        assert clip.track("--no_overlay", "--rerun", str(log)) == 130
+    monkeypatch.undo()
+    before = log.read_bytes()
+    assert clip.track("--no_overlay", "--rerun", str(log), "--resume") == 0
+    assert log.read_bytes() == before and later.stat().st_size > 10_000
+    assert clip.track("--no_overlay", "--rerun", str(log), "--resume") == 0
+    assert [path.name for path in sorted(clip.folder.glob("*.rrd"))] == [log.name, later.name]
 
 
 def test_weights_are_the_same_by_what_is_in_them(tmp_path: Path) -> None:

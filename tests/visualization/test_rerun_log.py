@@ -90,6 +90,16 @@ def test_a_frame_of_another_size_is_not_shown(scene: Any, tmp_path: Path) -> Non
 
 
 @pytest.mark.filterwarnings("ignore")
+def test_without_a_frame_an_older_file_stays(scene: Any, tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    (tmp_path / "run.rrd").write_text("older")
+    for name in ("run.rrd", "new.rrd"):
+        with RerunLog(tmp_path / name, scene.mesh, scene.camera):
+            pass
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"run.rrd": "older"}
+
+
+@pytest.mark.filterwarnings("ignore")
 def test_ctrl_c_leaves_a_whole_file(scene: Any, tmp_path: Path) -> None:
     pytest.importorskip("rerun")
     path = tmp_path / "run.rrd"

@@ -86,6 +86,13 @@ def test_no_frame_no_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_path_may_be_text(tmp_path: Path) -> None:
+    path = str(tmp_path / "overlay.mp4")
+    with VideoWriter(path) as movie:
+        movie.write(frame(10))
+    assert len(frames_of(Path(path))) == 1
+
+
 def test_a_place_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with (

@@ -5,6 +5,7 @@ Never touches a file that an earlier run of this program did not write.
 
 from __future__ import annotations
 
+import glob
 import json
 from collections.abc import Iterable
 from pathlib import Path
@@ -41,5 +42,13 @@ def _files(folder: Path, summary: Path) -> list[Path]:
         for path in (Path(name) for name in named if isinstance(name, str))
         if path.suffix in (".html", ".rrd") and path.resolve().parent == folder.resolve()
     ]
-    movies = folder.glob("overlay_[0-9]*.mp4")  # of a track that was gone on with
-    return [path for path in (folder / "overlay.mp4", *movies, *inside) if path.is_file()]
+    logs = [path for path in inside if path.suffix == ".rrd"]
+    bases = [folder / "overlay.mp4", *logs]
+    later = [path for base in bases for path in _numbered(base)]
+    return [path for path in (bases[0], *later, *inside) if path.is_file()]
+
+
+def _numbered(path: Path) -> list[Path]:
+    """The files of that name with the numbers of frames, of tracks that were gone on with."""
+    beside = sorted(path.parent.glob(f"{glob.escape(path.stem)}_*{path.suffix}"))
+    return [one for one in beside if one.stem[len(path.stem) + 1 :].isdecimal()]

@@ -30,7 +30,7 @@ class Journal:
     """
 
     def __init__(self, output: Path, facts: Mapping[str, Any], resume: bool) -> None:
-        self.path = output.with_name(f"{output.name}.unfinished")
+        self.path = journal_file(output)
         self.facts = json.loads(json.dumps(facts))
         self.resume = resume
         self.entries: list[Any] = self._earlier() if resume else []
@@ -38,7 +38,7 @@ class Journal:
         self._holds_any = bool(self.entries)
 
     def __enter__(self) -> Journal:
-        if not self.resume and self.path.is_file():
+        if not self.resume and self.path.is_file() and self.path.read_bytes().count(b"\n") > 1:
             note(f"{self.path}, of a run that was interrupted, is replaced; --resume goes on.")
         with replacing(self.path) as temporary:
             self._file = temporary.open("wb", buffering=0)
@@ -75,19 +75,32 @@ class Journal:
     def _earlier(self) -> list[Any]:
         if not self.path.is_file():
             return []
-        text = read_text(self.path)
-        lines = text[: text.rfind("\n") + 1].splitlines()  # the last may not have been finished
-        try:
-            facts, *entries = [json.loads(line) for line in lines]
-            other = [key for key, value in self.facts.items() if facts.get(key) != value]
-        except (ValueError, AttributeError, RecursionError) as error:
-            raise InputError(f"{self.path} is damaged; delete it and begin anew.") from error
+        facts, entries = read_journal(self.path)
+        other = [key for key, value in self.facts.items() if facts.get(key) != value]
         if other:
             raise InputError(
                 f"{self.path} belongs to a run with another {other[0]}; give the arguments that it "
                 "was begun with, or delete it."
             )
         return entries
+
+
+def journal_file(output: Path) -> Path:
+    """Where the journal of a result file lies."""
+    return output.with_name(f"{output.name}.unfinished")
+
+
+def read_journal(path: Path) -> tuple[dict[str, Any], list[Any]]:
+    """What a journal's run goes by, and its entries; `InputError` if it is damaged."""
+    text = read_text(path)
+    lines = text[: text.rfind("\n") + 1].splitlines()  # the last may not have been finished
+    try:
+        facts, *entries = [json.loads(line) for line in lines]
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path} is damaged; delete it and begin anew.") from error
+    if not isinstance(facts, dict):
+        raise InputError(f"{path} is damaged; delete it and begin anew.")
+    return facts, entries
 
 
 def _line(content: Any) -> bytes:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..extras import require
+from .journal import journal_file
 
 if TYPE_CHECKING:
     from ..datasets.pose_files import PoseRow
@@ -46,7 +47,8 @@ def check_apart(written: Mapping[str, Path | None], output: Path, read: Iterable
 
     `written` are the options with their files, `output` the folder for a track, `read` the inputs.
     """
-    own = (output, output / "poses.csv", output / "summary.json")
+    table = output / "poses.csv"
+    own = (output, table, journal_file(table), output / "summary.json")
     taken = {path.resolve() for path in (*own, *read)}
     for option, path in written.items():
         if path is None:
@@ -83,17 +85,19 @@ def reporting(
     camera: Camera,
     frames: FrameSource,
     renderer: Renderer,
+    earlier: Iterable[PoseRow] = (),
 ) -> Iterator[Gathered | None]:
     """Gather steps and write the page when the block ends, however it ends, if there was a frame.
 
-    None, and nothing is kept, without a path.
+    `earlier` are the rows of a track that is gone on with, which the page shows, too. None, and
+    nothing is kept, without a path.
     """
     if path is None:
         yield None
         return
     from ..evaluation.run_tracker import LOW_CONFIDENCE
 
-    gathered = Gathered()
+    gathered = Gathered({row.frame: row for row in earlier})
     try:
         yield gathered
     finally:

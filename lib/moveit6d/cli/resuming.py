@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ..config import TrackerConfig
 from ..errors import InputError
 from .common import plain, weights_facts
+from .journal import journal_file, read_journal
 from .narrowing import NAMES as NARROWING
 from .settings import fields_of
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from ..datasets.video import VideoFrame
     from ..evaluation.run_tracker import AnyTracker
 
-# What a run goes by: a track that was begun with others cannot be gone on with.
+# The arguments that a track goes by, beside the settings and the weights.
 SAME = ("mesh", "mesh_unit", "video", "camera", "fov", "start", "exact_start",
         "texture_from_start", "allow_untextured", "renderer", "float32", *NARROWING)  # fmt: skip
 MISSING = object()
@@ -37,11 +38,10 @@ def earlier_rows(
 ) -> list[PoseRow]:
     """The rows of the interrupted run in a folder; none without `--resume` or before its start.
 
-    `center` is the object's middle in the mesh file's frame. `InputError` if its summary.json says
-    that it was begun with other files or settings.
+    `center` is the object's middle in the mesh file's frame. `InputError` if the run was begun with
+    other files or settings, or if nothing says with which.
     """
     from ..datasets.pose_files import by_frame, read_poses, whole_lines
-    from ..io import read_json
 
     table = output / "poses.csv"
     if not args.resume or not table.is_file():
@@ -50,22 +50,61 @@ def earlier_rows(
     if [*by_frame(rows, str(table))] != list(range(len(rows))):
         raise InputError(f"{table}: its frames are not 0, 1, 2, …; it cannot be gone on with.")
     _check_states(rows, table)
-    summary = output / "summary.json"
-    if summary.is_file():
-        content = read_json(summary)
-        argument = _other_argument(content, args)
-        if argument is not None:
-            raise InputError(
-                f"{output} holds a track with another --{argument}; give the arguments that it was "
-                "begun with, or another --output."
-            )
-        setting = _other_setting(content.get("config") or {}, config)
-        if setting is not None:
-            raise InputError(
-                f"{output} holds a track with another --{setting}; give the settings that it was "
-                "begun with, or another --output."
-            )
+    if rows:
+        _check_facts(table, track_facts(args, config))
     return rows
+
+
+def track_facts(args: argparse.Namespace, config: TrackerConfig) -> dict[str, Any]:
+    """What a track goes by: one that was begun with others cannot be gone on with."""
+    arguments = {name: plain(getattr(args, name, None)) for name in SAME}
+    # By what is in it: another file may have come to the same place.
+    weights = {"weights": weights_facts(args.weights)["weights_sha256"]}
+    settings = {name: value for name, _, _, value in fields_of(config)}
+    facts: dict[str, Any] = json.loads(json.dumps({**arguments, **weights, **settings}))
+    return facts
+
+
+def numbered(path: Path, first: int) -> Path:
+    """The name of a file that cannot be gone on with: from a later frame on with its number."""
+    return path.with_stem(f"{path.stem}_{first:06d}") if first else path
+
+
+def _check_facts(table: Path, facts: dict[str, Any]) -> None:
+    """`InputError` unless a table's rows are of a track that goes by these facts."""
+    before = _facts_before(table, facts)
+    if not before:
+        raise InputError(
+            f"{table}: nothing says which arguments and settings its rows were tracked with; leave "
+            "out --resume to begin anew, or give another --output."
+        )
+    other = next((name for name in facts if before.get(name, MISSING) != facts[name]), None)
+    if other is not None:
+        raise InputError(
+            f"{table.parent} holds a track with another --{other}; give the arguments and settings "
+            "that it was begun with, or another --output."
+        )
+
+
+def _facts_before(table: Path, facts: dict[str, Any]) -> dict[str, Any]:
+    """What the track of a table's rows goes by; empty if nobody knows.
+
+    A killed track left its journal, every other one its summary. The summary of an earlier version
+    lacks settings that came later: those are taken for the same.
+    """
+    from ..io import read_json
+
+    journal, summary = journal_file(table), table.with_name("summary.json")
+    if journal.is_file():
+        before, entries = read_journal(journal)
+        if entries:  # before the first one the rows are those of an older track
+            return before
+    if not summary.is_file():
+        return {}
+    content = read_json(summary)
+    known = {name: _in_summary(content, name) for name in facts}
+    known = {name: value for name, value in known.items() if value is not MISSING}
+    return {**facts, **known} if "mesh" in known else {}
 
 
 def _check_states(rows: Sequence[PoseRow], table: Path) -> None:
@@ -80,26 +119,14 @@ def _check_states(rows: Sequence[PoseRow], table: Path) -> None:
             )
 
 
-def _other_argument(summary: dict[str, Any], args: argparse.Namespace) -> str | None:
-    """The first argument that is not what an earlier summary says; None if all are the same."""
-    before = summary.get("arguments") or {}
-    for name in SAME:
-        if name in before and before[name] != plain(getattr(args, name, None)):
-            return name
-    # By what is in it: another file may have come to the same place.
-    digest = weights_facts(args.weights)["weights_sha256"]
-    return "weights" if summary.get("weights_sha256", digest) != digest else None
-
-
-def _other_setting(before: dict[str, Any], config: TrackerConfig) -> str | None:
-    """The first setting that is not what an earlier summary says; None if all are the same."""
-    for name, _, _, value in fields_of(config):
-        found: Any = before
-        for part in name.split("."):
-            found = found.get(part, MISSING) if isinstance(found, dict) else MISSING
-        if found is not MISSING and found != json.loads(json.dumps(value)):
-            return name
-    return None
+def _in_summary(content: dict[str, Any], name: str) -> Any:
+    """What a summary says of an argument, of the weights or of a setting; MISSING if nothing."""
+    if name == "weights":
+        return content.get("weights_sha256", MISSING)
+    found: Any = content.get("arguments" if name in SAME else "config", MISSING)
+    for part in name.split("."):
+        found = found.get(part, MISSING) if isinstance(found, dict) else MISSING
+    return found
 
 
 def going_on(

@@ -6,7 +6,7 @@ Never more than reading, the tracker's update for each frame, and writing.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import chain
 from pathlib import Path
@@ -28,15 +28,17 @@ from .common import (
     weights_facts,
 )
 from .earlier import clear_earlier
+from .journal import Journal
 from .messages import progress
 from .narrowing import add_narrowing_options, check_first, first_pose, is_narrowed, known_of
 from .objects import load_meshes, object_names, painted, peek, read_starts, wants_paint
 from .reporting import check_apart, check_report, reporting, rerun_log
-from .resuming import earlier_rows, going_on
+from .resuming import earlier_rows, going_on, numbered, track_facts
 
 if TYPE_CHECKING:
+    from ..datasets.pose_files import PoseWriter
     from ..datasets.video import FrameSource, VideoFrame
-    from ..evaluation.run_tracker import TrackSummary
+    from ..evaluation.run_tracker import TrackedFrame, TrackSummary
     from ..geometry.camera import Camera
     from ..geometry.mesh import Mesh
     from ..geometry.pose import Pose
@@ -77,6 +79,11 @@ files written to --output:
                 each state lasted), versions
   --report      one HTML page of the run for any browser: curves, pictures, worst frames first
   --rerun       the run for the rerun viewer (needs: pip install 'moveit6d[rerun]')
+
+--resume goes on with a track that was interrupted or killed, given the arguments and settings that
+it was begun with (poses.csv.unfinished holds them until summary.json is written). The report shows
+the whole track; a video and a file for rerun hold the new frames and have the number of the first
+one in their names: overlay_000123.mp4.
 """
 )
 
@@ -190,24 +197,24 @@ def run(args: argparse.Namespace) -> int:
     output = new_folder(args.output)
     records = [TrackSummary() for _ in meshes]
     earlier = earlier_rows(output, args, setting.config, meshes[0].center)
-    movie_file = _movie_file(output, args, len(earlier))
+    movie_file, log_file = _numbered_files(output, args, len(earlier))
     for row in earlier:
         records[0].add_row(row)
+    facts = track_facts(args, setting.config)
     with (
-        _summary(output / "summary.json", records, names, args, setting),
-        reporting(args.report, _about(args), meshes[0], camera, frames, renderer) as page,
+        Journal(output / "poses.csv", facts, resume=bool(earlier)) as journal,
+        _summary(output / "summary.json", records, names, args, setting, journal),
+        reporting(args.report, _about(args), meshes[0], camera, frames, renderer, earlier) as page,
         PoseWriter(output / "poses.csv", track_columns(len(meshes)), resume=bool(earlier)) as table,
         _movie(movie_file, frames.fps) as movie,
-        rerun_log(args.rerun, meshes[0], camera) as log,
+        rerun_log(log_file, meshes[0], camera) as log,
     ):
         watched = progress(ahead, frames.length, "track")
         exact = args.exact_start and setting.config.calibration.enabled
         known = calibrating(tracker, watched) if exact else watched
         todo = going_on(tracker, known, earlier) if earlier else known
-        for step in complaining(run_tracker(tracker, todo, names)):
-            for record, one in zip(records, (step, *step.others), strict=True):
-                table.write(one.row)
-                record.add(one)
+        steps = complaining(run_tracker(tracker, todo, names))
+        for step in _kept(steps, records, table, journal):
             if page is not None:
                 page.add(step)
             if movie is not None:
@@ -274,6 +281,22 @@ def _about(args: argparse.Namespace) -> dict[str, str]:
     }
 
 
+def _kept(
+    steps: Iterable[TrackedFrame],
+    records: Sequence[TrackSummary],
+    table: PoseWriter,
+    journal: Journal,
+) -> Iterator[TrackedFrame]:
+    """The same steps, each of them written to the table and noted for the summary."""
+    for number, step in enumerate(steps):
+        for record, one in zip(records, (step, *step.others), strict=True):
+            table.write(one.row)
+            record.add(one)
+        if number == 0:  # until now the table may have held an older track's rows
+            journal.add({"first": step.frame.index})
+        yield step
+
+
 @contextmanager
 def _summary(
     path: Path,
@@ -281,8 +304,12 @@ def _summary(
     names: Sequence[str],
     args: argparse.Namespace,
     setting: Setting,
+    journal: Journal,
 ) -> Iterator[None]:
-    """Write the summary when the block ends, however it ends, if there was a frame."""
+    """Write the summary when the block ends, however it ends, if there was a frame.
+
+    It says what the track goes by, too: the journal is not needed any more.
+    """
     from ..io import write_json
 
     interrupted = False
@@ -306,18 +333,21 @@ def _summary(
                 "arguments": given(args),
             }
             write_json(path, facts)
+            journal.finish()
 
 
-def _movie_file(output: Path, args: argparse.Namespace, first: int) -> Path | None:
-    """The overlay's file, if one is wanted; a track from frame 0 on removes what was there before.
+def _numbered_files(
+    output: Path, args: argparse.Namespace, first: int
+) -> tuple[Path | None, Path | None]:
+    """The overlay and the file for rerun, those that are wanted, named for a track's first frame.
 
-    A video cannot be gone on with: that of a resumed track has a name of its own.
+    A track from frame 0 on removes what was there before.
     """
-    name = f"overlay_{first:06d}.mp4" if first else "overlay.mp4"
-    file = None if args.no_overlay else output / name
+    movie = None if args.no_overlay else numbered(output / "overlay.mp4", first)
+    log = None if args.rerun is None else numbered(args.rerun, first)
     if not first:
-        clear_earlier(output, [file, args.report, args.rerun])
-    return file
+        clear_earlier(output, [movie, args.report, log])
+    return movie, log
 
 
 def _movie(path: Path | None, fps: float | None) -> AbstractContextManager[Any]:

@@ -33,7 +33,8 @@ LEAST_SPACE = 1 << 20  # bytes that must be free on the disk
 class RerunLog:
     """An .rrd file in the making: use as a context manager and `write` frames with their rows.
 
-    The file appears under its name when the block ends, whatever ends it (Ctrl-C too).
+    The file appears under its name when the block ends, whatever ends it (Ctrl-C too); a block that
+    wrote no frame leaves no file.
     `truth` are the true poses by frame number, where they are known. Frames are shown without
     their lens distortion, and not at all if they are not of the camera's size. `InputError` if
     rerun-sdk is missing or the file cannot be written.
@@ -47,6 +48,7 @@ class RerunLog:
         self._rerun = _load()
         self._place = ExitStack()
         self._stream: Any = None
+        self._empty = True
         self._shown = False
 
     def __enter__(self) -> RerunLog:
@@ -74,6 +76,7 @@ class RerunLog:
     def write(self, frame: VideoFrame, row: PoseRow, error: str | None = None) -> None:
         """Append one frame: its image, its row, and why it has no pose."""
         rr, stream = self._rerun, self._stream
+        self._empty = False
         stream.set_time("frame", sequence=frame.index)
         size = (self.camera.height, self.camera.width)
         if frame.image is not None and frame.image.shape[:2] == size:
@@ -107,6 +110,9 @@ class RerunLog:
             raise InputError(f"{self.path} cannot be written: {broken}.") from broken
         finally:
             self._stream.disconnect()
+        if self._empty:
+            none = InputError(f"{self.path}: there is no frame.")
+            self._place.__exit__(type(none), none, None)
         self._place.close()
 
     def _object(self, pose: Pose | None) -> None:

@@ -30,11 +30,11 @@ class VideoWriter:
     size are scaled to it. A block that wrote no frame leaves no file.
     """
 
-    def __init__(self, path: Path, fps: float = 25.0) -> None:
-        self.path = path
+    def __init__(self, path: str | Path, fps: float = 25.0) -> None:
+        self.path = Path(path)
         self.fps = fps if 0 < fps < 1000 else 25.0
-        self._place = replacing(path)
-        self._temporary = path
+        self._place = replacing(self.path)
+        self._temporary = self.path
         self._container: Any = None
         self._stream: Any = None
         self._broken = False
