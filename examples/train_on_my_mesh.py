@@ -1,8 +1,8 @@
 """Train a network on your own mesh, starting from the shipped one, and track with it.
 
-    python examples/train_on_my_mesh.py --output out/mine
+    python examples/train_on_my_mesh.py --output out/robot
     python examples/train_on_my_mesh.py --mesh drill.glb --photos PICTURES --steps 2000 \\
-        --output out/mine
+        --output out/drill
 
 The shipped network needs no training on an object; this makes it better on yours alone. The whole
 machinery (configurations, resuming, several processors) is `moveit6d fit`: docs/how-to/train.md.
@@ -11,13 +11,14 @@ machinery (configurations, resuming, several processors) is `moveit6d fit`: docs
 from __future__ import annotations
 
 import argparse
-import shutil
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from lightning_modules.cli import main as fit
 from moveit6d import InputError, Mesh, PoseTracker, load_policy
+from moveit6d.geometry.symmetry_file import write_symmetries
 from moveit6d.policies import SHIPPED_WEIGHTS
 from moveit6d.synthesis.objects.demo_object import demo_object
 from moveit6d.synthesis.objects.mesh_file import write_glb
@@ -43,13 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     args = parser.parse_args(arguments)
 
-    # Training reads a folder of meshes; here it holds one.
-    meshes = args.output / "meshes"
-    meshes.mkdir(parents=True, exist_ok=True)
-    if args.mesh is None:
-        write_glb(meshes / "robot.glb", demo_object())
-    else:
-        shutil.copy(args.mesh, meshes)
+    mesh = demo_object() if args.mesh is None else Mesh.load(args.mesh, args.mesh_unit)
+    meshes = keep_mesh(mesh, args.output)
     weights = args.output / "weights.safetensors"
     # What `moveit6d fit` would be given; the configuration says the rest.
     options = {
@@ -57,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "model.init_from": args.weights,
         "model.total_steps": args.steps,
         "data.meshes": meshes,
-        "data.mesh_unit": args.mesh_unit,
+        "data.mesh_unit": "m",
         "data.photos": args.photos or "null",
         "data.batch_size": args.batch,
         "data.workers": 0,
@@ -68,7 +64,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     fit([f"--{name}={value}" for name, value in options.items()])
 
     # A clip of the object that training has not seen.
-    mesh = Mesh.load(next(iter(sorted(meshes.iterdir()))), args.mesh_unit)
     scene = Scene(mesh, seed=5, frames=args.frames, difficulty="easy")
     shots = [scene.render_frame(number) for number in range(args.frames)]
     tracker = PoseTracker(mesh, scene.camera, shots[0].pose, policy=load_policy(weights))
@@ -78,6 +73,28 @@ def main(arguments: Sequence[str] | None = None) -> None:
             error = float((found.translation - rendered.pose.translation).norm())
             print(f"frame {number}: {1000 * error:.1f} mm off")
     print(f"Use it: moveit6d track --weights {weights} …")
+
+
+def keep_mesh(mesh: Mesh, output: Path) -> Path:
+    """The folder of one mesh that training reads: its texture and symmetries with it, metres.
+
+    `InputError` if `output` was made for another mesh: its checkpoint would be gone on with.
+    """
+    folder = output / "meshes"
+    with tempfile.TemporaryDirectory() as work:
+        file = Path(work) / f"{mesh.name}.glb"
+        write_glb(file, mesh)
+        write_symmetries(file, mesh.symmetries)
+        new = {path.name: path.read_bytes() for path in Path(work).iterdir()}
+    folder.mkdir(parents=True, exist_ok=True)
+    old = {path.name: path.read_bytes() for path in folder.iterdir()}
+    if old and old != new:
+        raise InputError(
+            f"{output} was made for another mesh ({', '.join(sorted(old))}); give another --output."
+        )
+    for name, content in new.items():
+        (folder / name).write_bytes(content)
+    return folder
 
 
 if __name__ == "__main__":

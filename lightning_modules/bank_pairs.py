@@ -41,11 +41,11 @@ class BankStream(IterableDataset[TrainingBatch]):
 
     After `DRAWN` batches of new pictures come as many of the same ones, each after one more
     iteration of the `student`: it answers an observation with a pose delta (B, 6), or None if it is
-    too young.
+    too young. `seed` is that of the fit, the training step and the rank of the process.
     """
 
     def __init__(
-        self, source: PairSource, batch_size: int, seed: tuple[int, int], device: torch.device,
+        self, source: PairSource, batch_size: int, seed: tuple[int, int, int], device: torch.device,
         iterations: int = 0, student: Callable[[Observation], Tensor | None] | None = None,
         run: Run | None = None,
     ) -> None:  # fmt: skip

@@ -59,7 +59,8 @@ class PairDataModule(pl.LightningDataModule):
         symmetric: share of those that are symmetric and say so.
         untextured: share of those that are copies of the meshes without their texture.
         slender: share of those that are squeezed copies of the meshes and of other shapes.
-        renew_every: batches after which one random shape is replaced by a new one; 0: never.
+        renew_every: batches after which one random shape is replaced by a new one; 0: never. With
+            `device` cuda, as soon as a new one is made.
         written: folder of `moveit6d write-pairs`; None: pairs are drawn as training goes.
         dihedral: written pairs are shown in one of their eight dihedral views, a new one each time:
             so few pairs are not learnt by heart.
@@ -69,7 +70,8 @@ class PairDataModule(pl.LightningDataModule):
         seed: of everything random; a resumed run goes on with pairs not seen before.
         pairs: all that is random about a pair.
         rollouts: whether, and how, states that the network itself leads to are trained on.
-        device: `cpu`: worker processes draw pairs; `cuda`: the GPU draws them itself, in batches.
+        device: `cpu`: worker processes draw pairs; `cuda`: the GPU draws them itself, in batches:
+            not with `written`, `occluders`, `rollouts.weights` or random shapes that stay.
     """
 
     def __init__(
@@ -137,11 +139,7 @@ class PairDataModule(pl.LightningDataModule):
         """Pairs without end; a resumed training sees new ones, and each process its own."""
         stream: IterableDataset[TrainingBatch]
         if self.device == "cuda":
-            stream = BankStream(
-                self.source(), self.batch_size, (self.seed, self._step()),
-                torch.device("cuda"), self.rollouts.iterations, self._own_delta,
-            )  # fmt: skip
-            return DataLoader(stream, batch_size=None)
+            return DataLoader(self._bank_stream(), batch_size=None)
         if self.written is not None:
             stream = self._written_stream(self.written)
         else:
@@ -160,6 +158,26 @@ class PairDataModule(pl.LightningDataModule):
             prefetch_factor=6 if self.workers else None,
             persistent_workers=self.workers > 0,
         )
+
+    def _bank_stream(self) -> BankStream:
+        """Pairs that the GPU draws; `InputError` for options that have no effect on them."""
+        source = self.source()
+        without_effect = {
+            "data.written is set": (self.written is not None, "null"),
+            "data.occluders is set": (self.occluders is not None, "null"),
+            "data.rollouts.weights is set": (self.rollouts.weights is not None, "null"),
+            "data.renew_every is 0": (not self.renew_every and source.shapes > 0, "50"),
+        }
+        for option, (is_so, value) in without_effect.items():
+            if is_so:
+                raise InputError(
+                    f"{option}, which has no effect where the GPU draws pairs: set "
+                    f"{option.split()[0]} to {value} or data.device to cpu."
+                )
+        return BankStream(
+            source, self.batch_size, (self.seed, self._step(), self._rank()),
+            torch.device("cuda"), self.rollouts.iterations, self._own_delta,
+        )  # fmt: skip
 
     @torch.no_grad()
     def _own_delta(self, observation: Observation) -> Tensor | None:
@@ -215,6 +233,12 @@ class PairDataModule(pl.LightningDataModule):
             raise InputError(
                 "Rollouts need meshes to render, and written pairs have none: set "
                 "data.rollouts.iterations to 0 or data.written to null."
+            )
+        if self.pairs.views.share > 0:
+            raise InputError(
+                f"data.pairs.views.share is {self.pairs.views.share}, but written pairs hold no "
+                "templates for descriptors: set data.pairs.views.share to 0 or data.written to "
+                "null."
             )
         return WrittenStream(
             folder, self.batch_size, self.seed, self._step(), self._rank(), self._processes(),

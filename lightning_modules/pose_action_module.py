@@ -92,6 +92,7 @@ class PoseActionModule(pl.LightningModule):
                 f"model.restarts is {list(restarts)}: its steps must go up, all of them between 0 "
                 f"and model.total_steps ({total_steps})."
             )
+        _check_lengths(minutes, teacher, teacher_steps)
         self.network = _network(network, init_from)
         self.teacher = None if teacher is None else Teacher(teacher, self.network)
         self.teacher_steps = teacher_steps
@@ -185,7 +186,6 @@ class PoseActionModule(pl.LightningModule):
             right = prediction.logits.argmax(-1) == expert_action(batch.delta)
             return loss, {"actions": loss.detach(), "accuracy": right.float().mean()}
         early = self.training and self.global_step < self.matching_steps
-        taught = 1 - self.global_step / self.teacher_steps if self.training else 0.0
         network, views = self.network, batch.views
         if isinstance(network, CompactCorrelationNet) and views is not None:
             output = network(batch.observation, early, view_pictures(views))
@@ -196,9 +196,11 @@ class PoseActionModule(pl.LightningModule):
             assert isinstance(network, CompactCorrelationNet) and views is not None
             temperature = network.view_temperature
             terms["views"] = view_loss(output.described, views, batch.mesh, temperature)
-        if self.teacher is not None and output.features is not None and taught > 0:
-            known = self.teacher.features(batch.observation)
-            terms["teacher"] = distillation_loss(output.features, known) * taught
+        if self.teacher is not None and output.features is not None and self.training:
+            taught = 1 - self.global_step / self.teacher_steps
+            if taught > 0:
+                known = self.teacher.features(batch.observation)
+                terms["teacher"] = distillation_loss(output.features, known) * taught
         loss = torch.stack(
             [value * getattr(self.weights, name) for name, value in terms.items()]
         ).sum()
@@ -238,6 +240,16 @@ class PoseActionModule(pl.LightningModule):
     def export(self, path: Path, facts: dict[str, str]) -> None:
         """Write the network as a weights file that `moveit6d.load_policy` reads."""
         save_network(self.network, path, {**facts, "steps": str(self.global_step)})
+
+
+def _check_lengths(minutes: float | None, teacher: Path | None, teacher_steps: int) -> None:
+    if minutes is not None and not minutes > 0:
+        raise InputError(f"model.minutes is {minutes}, must be above 0 (null: no such end).")
+    if teacher is not None and teacher_steps < 1:
+        raise InputError(
+            f"model.teacher_steps is {teacher_steps}, must be 1 or more; set model.teacher to null "
+            "to learn from none."
+        )
 
 
 def _network(network: PoseNet | None, init_from: Path | None) -> PoseNet:

@@ -56,7 +56,7 @@ def main(folder: Path, output: Path) -> None:
         ]
     )
     begin = time.perf_counter()
-    stream = iter(BankStream(data.source(), data.batch_size, (0, 0), CUDA, 2, student))
+    stream = iter(BankStream(data.source(), data.batch_size, (0, 0, 0), CUDA, 2, student))
     batch = next(stream)
     _picture(batch, output / "new.png")
     print(f"objects and first batch {time.perf_counter() - begin:.1f} s", flush=True)

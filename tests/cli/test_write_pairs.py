@@ -45,3 +45,15 @@ def test_parts_that_are_none_are_refused(part: str, capsys: pytest.CaptureFixtur
     with pytest.raises(SystemExit):
         main(["write-pairs", "--output", "x", "--shards", "2", "--part", part])
     assert "must be I/N" in capsys.readouterr().err
+
+
+def test_templates_are_refused_unless_they_are_switched_off(
+    tmp_path: Path, small: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["write-pairs", "--config", str(CONFIGS / "fit" / "compact.yaml"), *small]
+    command += ["--set", "data.batch_size=2", "--output", str(tmp_path / "pairs")]
+    command += ["--shards", "1", "--batches", "1"]
+    assert main(command) == 2
+    assert "set data.pairs.views.share to 0" in capsys.readouterr().err
+    assert main([*command, "--set", "data.pairs.views.share=0"]) == 0
+    assert "1 shards written" in capsys.readouterr().out

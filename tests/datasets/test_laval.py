@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,8 @@ from moveit6d.errors import InputError
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
+from moveit6d.geometry.symmetry import Symmetries
+from tests.support.sequence_meshes import AXIS
 
 
 @pytest.fixture
@@ -46,6 +49,7 @@ def test_what_is_written_is_read(root: Path, scene: Any, brick: Mesh) -> None:
         difference = one.truth[frame].matrix - scene.pose(frame).matrix
         assert difference.abs().max() < 1e-12
     np.testing.assert_array_equal([f.image for f in one.open()], [scene.image(k) for k in range(3)])
+    assert not one.symmetric
     assert one.load_mesh().diameter == pytest.approx(brick.diameter, rel=1e-5)
     assert json.loads((one.folder / "meta_data.json").read_text()) == {"metaData": {}}
 
@@ -117,3 +121,13 @@ def test_a_missing_image_is_a_frame_with_an_error(root: Path) -> None:
     (root / "dog_occlusion_0" / "1.png").unlink()
     frames = list(read_laval(root)[0].open())
     assert [frame.error is None for frame in frames] == [True, False, True]
+
+
+def test_declared_symmetries_are_kept(tmp_path: Path, scene: Any, brick: Mesh) -> None:
+    can = replace(brick, symmetries=Symmetries.from_bop(AXIS))
+    frames = ((scene.image(k), scene.pose(k)) for k in range(2))
+    write_laval_sequence(tmp_path, "can_occlusion_0", can, scene.camera, frames)
+    (found,) = read_laval(tmp_path)
+    assert found.symmetric
+    (axis,) = found.load_mesh().symmetries.continuous
+    np.testing.assert_allclose(axis.offset, [0.03, -0.01, 0.02], atol=1e-12)

@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from moveit6d.datasets.pose_files import (
+    POSE_COLUMNS,
     RESULT_COLUMNS,
     PoseRow,
     PoseWriter,
@@ -228,6 +229,26 @@ def test_rows_of_a_mesh_far_from_its_origin_are_read(tmp_path: Path) -> None:
     assert row.pose is not None and float(row.pose.translation.norm()) > 199
     with pytest.raises(InputError, match=r"line 2.*looks like millimetres"):
         read_poses(tmp_path / "poses.csv")
+
+
+def test_the_middle_of_an_object_is_asked_for_only_where_a_pose_is_far(tmp_path: Path) -> None:
+    asked = []
+
+    def center(label: str) -> tuple[float, float, float]:
+        asked.append(label)
+        return 200.0, 0.0, 0.0
+
+    near, turn = some_pose(), some_pose().rotation
+    far = Pose(turn, near.translation - turn @ torch.tensor([200.0, 0, 0], dtype=torch.float64))
+    path, columns = tmp_path / "poses.csv", ("frame", "object", *POSE_COLUMNS)
+    write_poses(path, [PoseRow(0, pose=near, object="cup")], columns)
+    assert read_poses(path, center=center)[0].pose is not None and asked == []
+    rows = [
+        PoseRow(0, pose=near, object="cup"),
+        *(PoseRow(k, pose=far, object="jug") for k in (1, 2)),
+    ]
+    write_poses(path, rows, columns)
+    assert len(read_poses(path, center=center)) == 3 and asked == ["jug"]
 
 
 def test_an_error_before_the_first_row_leaves_the_old_file(tmp_path: Path) -> None:

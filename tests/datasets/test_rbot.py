@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ import pytest
 from moveit6d.datasets.rbot import read_rbot, write_rbot
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.symmetry import Symmetries
+from tests.support.sequence_meshes import AXIS
 
 
 @pytest.fixture
@@ -29,6 +32,7 @@ def test_what_is_written_is_read(root: Path, scene: Any, brick: Mesh) -> None:
     assert (one.level, one.object, one.mesh_unit) == ("c_noisy", "cat", "mm")
     for frame in range(3):
         assert (one.truth[frame].matrix - scene.pose(frame).matrix).abs().max() < 1e-8
+    assert not one.symmetric
     assert one.load_mesh().diameter == pytest.approx(brick.diameter, rel=1e-5)
     np.testing.assert_array_equal([f.image for f in one.open()][2], scene.image(2))
     assert one.camera.cx == pytest.approx(scene.camera.cx)
@@ -53,3 +57,13 @@ def test_what_is_missing_is_said(root: Path, tmp_path_factory: Any) -> None:
     (root / "poses_first.txt").write_text("head\n1 2 x\n")
     with pytest.raises(InputError, match="cannot be read below its header line"):
         read_rbot(root)
+
+
+def test_declared_symmetries_are_kept(tmp_path: Path, scene: Any, brick: Mesh) -> None:
+    can = replace(brick, symmetries=Symmetries.from_bop(AXIS))
+    frames = ((scene.image(k), scene.pose(k)) for k in range(2))
+    write_rbot(tmp_path, "can", can, scene.camera, frames)
+    (found,) = read_rbot(tmp_path)
+    assert found.symmetric
+    (axis,) = found.load_mesh().symmetries.continuous
+    np.testing.assert_allclose(axis.offset, [0.03, -0.01, 0.02], atol=1e-12)

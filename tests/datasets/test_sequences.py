@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +16,7 @@ from moveit6d.datasets.sequences import Sequence, read_sequence, read_sequences
 from moveit6d.datasets.video import open_frames
 from moveit6d.errors import InputError
 from moveit6d.geometry.pose import Pose
+from tests.support.sequence_meshes import AXIS, far_from_origin
 
 Make = Callable[..., Any]
 
@@ -87,6 +89,29 @@ def test_several_objects_are_several_sequences(make_sequence: Make) -> None:
     cup, plate = read_sequences(made.folder)
     assert (cup.name, plate.name) == ("table.cup", "table.plate")
     assert plate.mesh.name == "plate.ply" and len(cup.truth) == 6
+
+
+def test_declared_symmetries_make_a_sequence_symmetric(make_sequence: Make) -> None:
+    made = make_sequence()
+    assert not read_sequence(made.folder)[0].symmetric
+    (made.folder / "mesh.symmetry.json").write_text(json.dumps(AXIS))
+    assert read_sequence(made.folder)[0].symmetric
+
+
+def test_poses_of_a_mesh_far_from_its_origin_are_read(make_sequence: Make) -> None:
+    made = make_sequence()
+    poses = far_from_origin(made.folder)
+    (found,) = read_sequence(made.folder)
+    assert float(found.load_mesh().center[0]) == pytest.approx(500.03, abs=1e-3)
+    for frame, pose in found.truth.items():
+        assert pose.translation[0] < -400
+        torch.testing.assert_close(pose.matrix, poses[frame].matrix, rtol=0, atol=1e-6)
+    rows = read_poses(made.folder / "poses.csv", center=found.load_mesh().center)
+    wrong = [PoseRow(r.frame, r.image, Pose(p.rotation, 1000 * p.translation))
+             for r, p in zip(rows, made.poses, strict=True)]  # fmt: skip
+    write_poses(made.folder / "poses.csv", wrong)
+    with pytest.raises(InputError, match="looks like millimetres"):
+        read_sequence(made.folder)
 
 
 def test_a_folder_of_sequences_is_searched(make_sequence: Make) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from moveit6d.datasets import ycbv
 from moveit6d.datasets.ycbv import read_keyframes, read_meta, read_ycbv, write_ycbv_scene
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.symmetry import Symmetries
+from tests.support.sequence_meshes import AXIS
 
 DRILL, BOWL = 15, 13  # classes, from 1
 
@@ -136,3 +139,13 @@ def test_a_pose_that_is_none_is_refused(root: Path) -> None:
     savemat(path, {"cls_indexes": np.array([DRILL]), "poses": np.ones((3, 4))})
     with pytest.raises(InputError, match="0048, 035_power_drill: the 3×3 matrix is not a rotation"):
         read_ycbv(root)
+
+
+def test_declared_symmetries_are_kept(tmp_path: Path, scene: Any, brick: Mesh) -> None:
+    can = replace(brick, symmetries=Symmetries.from_bop(AXIS))
+    frames = ((scene.image(k), {1: scene.pose(k)}) for k in range(2))
+    write_ycbv_scene(tmp_path, 48, {1: can}, scene.camera, frames, ["can"])
+    (found,) = read_ycbv(tmp_path)
+    assert found.symmetric
+    (axis,) = found.load_mesh().symmetries.continuous
+    np.testing.assert_allclose(axis.offset, [0.03, -0.01, 0.02], atol=1e-12)

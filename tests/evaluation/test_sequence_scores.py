@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
+import trimesh
 
 from moveit6d.datasets.pose_files import PoseRow, write_poses
 from moveit6d.datasets.sequences import read_sequence, read_sequences
 from moveit6d.errors import InputError
-from moveit6d.evaluation.sequence_scores import score_results, score_track
+from moveit6d.evaluation.sequence_scores import confidences, score_results, score_track
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.pose import Pose
+from moveit6d.geometry.symmetry import Symmetries
+from tests.support.sequence_meshes import AXIS, far_from_origin
 
 Make = Callable[..., Any]
 
@@ -43,3 +50,39 @@ def test_a_single_true_pose_is_not_scored(make_sequence: Make) -> None:
     made = make_sequence(frames=1)
     (sequence,) = read_sequence(made.folder)
     assert score_track(sequence, {0: PoseRow(0, pose=made.poses[0])}) is None
+
+
+def test_a_track_that_spins_about_a_declared_axis_is_right(
+    make_sequence: Make, tmp_path: Path
+) -> None:
+    made = make_sequence("can")
+    can = trimesh.creation.cylinder(0.03, 0.12, sections=48)
+    can.apply_translation((0.03, -0.01, 0.02))
+    can.visual.vertex_colors = (200, 40, 40, 255)
+    can.export(made.folder / "mesh.ply")
+    (axis,) = Symmetries.from_bop(AXIS).continuous
+    spun = [
+        pose @ Pose.from_matrix(torch.from_numpy(axis.turn(0.8 * frame)))
+        for frame, pose in enumerate(made.poses)
+    ]
+    track = tmp_path / "can.csv"
+    write_poses(track, [PoseRow(k, pose=pose, confidence=0.9) for k, pose in enumerate(spun)])
+    plain = read_sequence(made.folder)
+    assert score_results(plain, track)["can"].below_10 < 0.5
+    (made.folder / "mesh.symmetry.json").write_text(json.dumps(AXIS))
+    declared = read_sequence(made.folder)
+    assert score_results(declared, track)["can"].below_5 == 1.0
+    assert confidences(declared, track)[1].all() and not confidences(plain, track)[1].all()
+
+
+def test_results_of_a_mesh_far_from_its_origin_are_scored(
+    make_sequence: Make, tmp_path: Path
+) -> None:
+    made = make_sequence("easy_00")
+    poses = far_from_origin(made.folder)
+    assert Mesh.load(made.folder / "mesh.obj").center[0] > 499
+    track = tmp_path / "easy_00.csv"
+    write_poses(track, [PoseRow(k, pose=pose, confidence=0.9) for k, pose in enumerate(poses)])
+    sequences = read_sequence(made.folder)
+    assert score_results(sequences, track)["easy_00"].below_5 == 1.0
+    assert confidences(sequences, track)[1].tolist() == [True] * 5

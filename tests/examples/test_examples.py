@@ -13,11 +13,14 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image
 
+from moveit6d.datasets.mesh_writers import write_obj
 from moveit6d.errors import InputError
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import exp_so3, log_so3
+from moveit6d.geometry.symmetry import Symmetries
+from moveit6d.geometry.symmetry_file import write_symmetries
 from moveit6d.networks.action_net import ActionNet
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
 from moveit6d.networks.inference import InferenceNetwork
@@ -26,6 +29,8 @@ from moveit6d.synthesis.objects.primitives import box
 from moveit6d.synthesis.objects.textures import paint, random_palette
 from moveit6d.synthesis.sequences.difficulty import Difficulty
 from moveit6d.synthesis.sequences.sequence import Scene, write_sequence
+from moveit6d.synthesis.training.source import mesh_files
+from tests.support.meshes import textured_box
 from tests.support.observations import an_observation
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -270,6 +275,34 @@ def test_training_example_trains_on_the_mesh(
     assert (out / "config.yaml").is_file(), "there, and not where the command was run"
     one, two = (network.network.state_dict() for network in (trained, given))
     assert any(not torch.equal(one[name], two[name]) for name in one)
+    assert (out / "meshes" / "toy_robot.glb").is_file()
+    file = tmp_path / "drill.obj"
+    write_obj(file, textured_box(np.arange(192, dtype=np.uint8).reshape(8, 8, 3)))
+    with pytest.raises(InputError, match=r"made for another mesh \(toy_robot\.glb\)"):
+        train_on_my_mesh.main(["--mesh", str(file), "--output", str(out)])
+
+
+@pytest.mark.usefixtures("on_path")
+def test_training_example_takes_along_what_a_mesh_file_needs(tmp_path: Path) -> None:
+    import train_on_my_mesh
+
+    picture = np.random.default_rng(0).integers(0, 256, (8, 8, 3), np.uint8)
+    (tmp_path / "given").mkdir()
+    file = tmp_path / "given" / "drill.obj"  # with drill.mtl and a picture
+    write_obj(file, textured_box(picture), "mm")
+    axis = {"symmetries_continuous": [{"axis": [0, 0, 1]}]}
+    write_symmetries(file, Symmetries.from_bop(axis))
+    mesh = Mesh.load(file, "mm")
+    folder = train_on_my_mesh.keep_mesh(mesh, tmp_path / "out")
+    assert train_on_my_mesh.keep_mesh(mesh, tmp_path / "out") == folder, "gone on with"
+    (path,) = mesh_files(folder)
+    back = Mesh.load(path)
+    assert back.texture is not None and np.array_equal(back.texture, picture)
+    assert len(back.symmetries.continuous) == 1
+    assert back.diameter == pytest.approx(mesh.diameter, rel=1e-5)
+    other = replace(mesh, symmetries=Symmetries())
+    with pytest.raises(InputError, match="made for another mesh"):
+        train_on_my_mesh.keep_mesh(other, tmp_path / "out")
 
 
 @pytest.mark.usefixtures("on_path")

@@ -8,7 +8,8 @@ import pytest
 
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
-from moveit6d.geometry.symmetry_file import symmetries_beside
+from moveit6d.geometry.symmetry import Symmetries
+from moveit6d.geometry.symmetry_file import symmetries_beside, write_symmetries
 
 AXIS = {"symmetries_continuous": [{"axis": [0, 0, 1], "offset": [10, 0, 0]}]}
 
@@ -57,3 +58,13 @@ def test_the_quarter_turn_alone_declares_four_motions(tmp_path: Path) -> None:
     found = symmetries_beside(tmp_path / "can.glb").transforms()
     turns = np.degrees(np.arctan2(found[:, 1, 0], found[:, 0, 0])) % 360
     np.testing.assert_allclose(turns, [0, 90, 180, 270], atol=1e-9)
+
+
+def test_what_is_written_is_read_and_nothing_declared_is_no_file(tmp_path: Path) -> None:
+    half = [-1, 0, 0, 20, 0, -1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    declared = Symmetries.from_bop({**AXIS, "symmetries_discrete": [half]})
+    write_symmetries(tmp_path / "can.glb", declared)
+    found = symmetries_beside(tmp_path / "can.glb")
+    np.testing.assert_allclose(found.transforms(90), declared.transforms(90), atol=1e-12)
+    write_symmetries(tmp_path / "can.glb", Symmetries())
+    assert not list(tmp_path.iterdir()), "an older declaration would be of another mesh"

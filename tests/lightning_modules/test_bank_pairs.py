@@ -28,7 +28,7 @@ def test_new_pictures_and_the_states_that_follow_them(monkeypatch: pytest.Monkey
     def student(observation: Observation) -> Tensor:
         return torch.full((len(observation), 6), 0.5)
 
-    stream = iter(BankStream(source, 6, (0, 0), torch.device("cpu"), 1, student, compiled()))
+    stream = iter(BankStream(source, 6, (0, 0, 0), torch.device("cpu"), 1, student, compiled()))
     new, other, after, _, again = (next(stream) for _ in range(5))
     assert new.views is not None and after.views is None and again.views is not None
     assert torch.equal(new.mesh, after.mesh) and not torch.equal(new.delta, other.delta)

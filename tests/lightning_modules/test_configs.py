@@ -12,6 +12,7 @@ import torch
 import yaml
 from PIL import Image
 
+from lightning_modules.bank_pairs import BankStream
 from lightning_modules.cli import read_data
 from lightning_modules.pose_action_module import PoseActionModule
 from moveit6d.networks.action_net import ActionConfig, ActionNet
@@ -50,6 +51,7 @@ def test_a_gpu_can_draw_the_pairs_itself() -> None:
     assert (data.device, data.workers, data.batch_size) == ("cuda", 0, 512)
     assert data.pairs == preset("linear_light")
     assert (data.rollouts.iterations, data.rollouts.first_step) == (2, 600)
+    assert isinstance(data.train_dataloader().dataset, BankStream), "no option of it is refused"
 
 
 def keys(values: Any) -> Any:

@@ -3,14 +3,17 @@
 import dataclasses
 import os
 from collections import Counter
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import pytorch_lightning as pl
 import torch
 
+from lightning_modules.bank_pairs import BankStream
 from lightning_modules.pair_data_module import (
     PairDataModule,
     PairStream,
@@ -26,7 +29,7 @@ from moveit6d.networks.weights_file import save_network
 from moveit6d.synthesis.training.pairs import TrainingBatch
 from moveit6d.synthesis.training.shards import ShardPlan, ShardWriter
 from moveit6d.synthesis.training.source import PairSource
-from tests.support.pairs import small_source
+from tests.support.pairs import preset, small_source
 
 TINY = CorrelationConfig(channels=(4, 6, 8), geometry=(4, 4, 4), context=8, decoder=8, fine=8)
 
@@ -170,6 +173,57 @@ def test_a_network_of_single_actions_cannot_lead(source: PairSource, tmp_path: P
         batches(source, RolloutConfig(weights, 1), 2)
 
 
+# -- pairs that the GPU draws ----------------------------------------------------------------------
+
+
+def test_every_process_draws_other_pairs_on_its_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
+    def seeds(rank: int) -> list[int]:
+        """What the stream of a training process draws first from its seed."""
+        monkeypatch.setattr(PairDataModule, "_rank", lambda _: rank)
+        stream = PairDataModule(shapes=1, device="cuda", seed=3).train_dataloader().dataset
+        assert isinstance(stream, BankStream)
+        drawn: list[int] = []
+
+        def batches(_: object, pool: object, random: np.random.Generator) -> Iterator[None]:
+            drawn.extend(random.integers(2**62, size=4).tolist())
+            yield
+
+        monkeypatch.setattr(BankStream, "_batches", batches)
+        next(iter(stream))
+        return drawn
+
+    first, second = seeds(0), seeds(1)
+    assert not set(first) & set(second)
+    one_process = np.random.default_rng([3, 0])  # as before there were several
+    assert first == one_process.integers(2**62, size=4).tolist()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"written": Path("pairs")}, r"data\.written is set"),
+        ({"written": Path("pairs"), "dihedral": True}, r"data\.written is set"),
+        ({"occluders": Path()}, r"data\.occluders is set"),
+        ({"rollouts": RolloutConfig(Path("w"), 2)}, r"data\.rollouts\.weights is set"),
+        ({"renew_every": 0}, r"data\.renew_every is 0.* set data\.renew_every to 50"),
+    ],
+)
+def test_what_has_no_effect_on_the_gpu_is_refused(
+    tmp_path: Path, options: dict[str, Any], words: str
+) -> None:
+    if "occluders" in options:
+        options = {"occluders": folder_of(tmp_path, 1)}
+    with pytest.raises(InputError, match=words):
+        PairDataModule(device="cuda", **options).train_dataloader()
+
+
+def test_meshes_alone_need_no_renewing_on_the_gpu(tmp_path: Path) -> None:
+    module = PairDataModule(
+        meshes=folder_of(tmp_path, 1), holdout=0, shapes=0, renew_every=0, device="cuda"
+    )
+    assert isinstance(module.train_dataloader().dataset, BankStream)
+
+
 # -- pairs from disk -------------------------------------------------------------------------------
 
 
@@ -231,6 +285,12 @@ def test_rollouts_are_of_what_the_fit_itself_exports_unless_told_otherwise(tmp_p
         stream = module.train_dataloader().dataset
         assert isinstance(stream, PairStream)
         assert stream.rollouts == RolloutConfig(used, 2)
+
+
+def test_templates_are_not_among_written_pairs(written: Path) -> None:
+    module = PairDataModule(written=written, pairs=preset("linear_light"))
+    with pytest.raises(InputError, match=r"data\.pairs\.views\.share is 0\.4"):
+        module.train_dataloader()
 
 
 def test_written_pairs_and_rollouts_exclude_each_other(written: Path) -> None:

@@ -11,6 +11,7 @@ from lightning_modules.pair_data_module import PairDataModule
 from lightning_modules.pose_action_module import PoseActionModule
 from moveit6d.errors import InputError
 from moveit6d.networks.action_net import ActionConfig, ActionNet
+from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
 from moveit6d.networks.weights_file import save_network
 
@@ -128,3 +129,21 @@ def test_a_schedule_begins_anew_at_its_restarts() -> None:
 def test_restarts_outside_of_the_schedule_are_refused(restarts: tuple[int, ...]) -> None:
     with pytest.raises(InputError, match=r"model\.restarts .* between 0 and model\.total_steps"):
         PoseActionModule(ActionNet(), total_steps=300, restarts=restarts)
+
+
+@pytest.mark.parametrize("minutes", [0.0, -1.0, float("nan")])
+def test_a_schedule_of_no_time_is_refused(minutes: float) -> None:
+    with pytest.raises(InputError, match=r"model\.minutes is .*, must be above 0"):
+        PoseActionModule(ActionNet(), minutes=minutes)
+
+
+def test_a_teacher_of_no_steps_is_refused_and_without_one_nobody_counts_them(
+    tmp_path: Path,
+) -> None:
+    known = tmp_path / "known.safetensors"
+    save_network(CorrelationNet(), known)
+    with pytest.raises(InputError, match=r"model\.teacher_steps is 0.*set model\.teacher to null"):
+        PoseActionModule(CompactCorrelationNet(), teacher=known, teacher_steps=0)
+    batch = next(iter(PairDataModule(shapes=1, batch_size=2, workers=0).val_dataloader()))
+    loss, values = PoseActionModule(CompactCorrelationNet(), teacher_steps=0)._shared_step(batch)
+    assert loss.isfinite() and "teacher" not in values

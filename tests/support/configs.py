@@ -11,6 +11,11 @@ ALWAYS_CONTOUR = TrackerConfig(contour=ContourConfig(moves_below=1.1))  # howeve
 LOOP_ONLY = TrackerConfig(
     contour=ContourConfig(enabled=False), multi_start=MultiStartConfig(enabled=False)
 )
+# Options of commands that make them look for objects quickly and roughly.
+FAST_DETECTION = [
+    "--detection.templates.rotations", "40", "--detection.templates.coarse_rotations", "20",
+    "--detection.match.widths", "[0.5, 0.9]", "--detection.stages", "[[4, 2]]",
+]  # fmt: skip
 
 
 def limited(iterations: int, step_size: float = 1.0) -> LoopConfig:

@@ -29,7 +29,8 @@ difficulties: easy (slow, never occluded), occ (slow, occluded at times), medium
 
 formats (docs/reference/formats.md):
   folders  one sequence folder; with --count 2 or more: <difficulty>_<nn>. Files: frames/000000.jpg
-           ..., camera.json, mesh.glb, start.json, poses.csv (the truth), info.json
+           ..., camera.json, mesh.glb, start.json, poses.csv (the truth), info.json, and
+           mesh.symmetry.json of a mesh with declared symmetries
   laval    a surrogate for the Laval data set: for every object OBJECT_occlusion_0 and, for each
            other --occlusion, one sequence with a board in front from below (h) and one from a
            side (v), which hides that share of the object in every frame

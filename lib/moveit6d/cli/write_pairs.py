@@ -16,7 +16,9 @@ from .messages import note, progress_bar
 
 DESCRIPTION = """\
 Draws the pairs that `moveit6d fit` would draw with the same configuration, and writes them to
---output in shards, for `moveit6d fit --data.written FOLDER`. A pair takes 170 kB.
+--output in shards, for `moveit6d fit --data.written FOLDER`. A pair takes 170 kB. Templates for
+descriptors are not written: a configuration that has them (data.pairs.views) needs
+--set data.pairs.views.share=0 here and --data.pairs.views.share 0 there.
 
 What a shard holds depends on the configuration, the seed and the shard's number alone. So several
 machines can write into one folder, or into several that are put together afterwards: each is given

@@ -77,7 +77,7 @@ def write_models(folder: Path, objects: Mapping[int, Mesh]) -> None:
         info: dict[str, Any] = {"diameter": 1000 * mesh.diameter}
         info |= {f"min_{axis}": low[k] for k, axis in enumerate("xyz")}
         info |= {f"size_{axis}": size[k] for k, axis in enumerate("xyz")}
-        infos[str(number)] = info | _symmetries(mesh)
+        infos[str(number)] = info | mesh.symmetries.to_bop()
     write_json(folder / "models_info.json", infos)
 
 
@@ -107,17 +107,3 @@ def _add(folder: Path, one: BopImage, kept: dict[str, dict[str, Any]]) -> None:
         | ({} if instance.box is None else {"bbox_visib": list(instance.box)})
         for instance in one.truth
     ]
-
-
-def _symmetries(mesh: Mesh) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    if len(mesh.symmetries.discrete):
-        matrices = mesh.symmetries.discrete.copy()
-        matrices[:, :3, 3] *= 1000
-        found["symmetries_discrete"] = matrices.reshape(-1, 16).tolist()
-    if mesh.symmetries.continuous:
-        found["symmetries_continuous"] = [
-            {"axis": one.axis.tolist(), "offset": (1000 * one.offset).tolist()}
-            for one in mesh.symmetries.continuous
-        ]
-    return found

@@ -27,6 +27,7 @@ from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..geometry.symmetry_file import symmetries_beside, write_symmetries
 from ..io import read_json, replacing, replacing_folder, write_json
 from .mesh_writers import write_ply
 from .sequences import Sequence
@@ -120,13 +121,15 @@ def write_laval_sequence(
 ) -> Path:
     """Write `root/NAME` (for instance dog_occlusion_h_15) and its object's geometry.ply.
 
-    Frames are written as they come. The folder appears when all is there, in place of an older one.
+    Declared symmetries go beside that. Frames are written as they come. The folder appears when
+    all is there, in place of an older one.
     """
     from PIL import Image as Pillow
 
     item, _ = split_name(name)
     if not (root / item / "geometry.ply").exists():
         write_ply(root / item / "geometry.ply", mesh)
+        write_symmetries(root / item / "geometry.ply", mesh.symmetries)
     with replacing_folder(root / name) as folder:
         poses = []
         for number, (image, pose) in enumerate(frames):
@@ -168,6 +171,7 @@ def _read(folder: Path) -> Sequence:
         images=images,
         group=group,
         object=item,
+        symmetric=not symmetries_beside(mesh).is_trivial,
     )
 
 

@@ -10,9 +10,10 @@ import csv
 import io
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -20,7 +21,7 @@ from typing import Any
 from ..checks import number, whole
 from ..errors import InputError
 from ..geometry.camera import Camera
-from ..geometry.pose import Pose, in_metres
+from ..geometry.pose import FARTHEST, Pose, in_metres
 from ..io import check_writable, read_text, replacing, write_all, write_json
 
 ROTATION_COLUMNS = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
@@ -186,8 +187,10 @@ def read_poses(path: Path, text: str | None = None, center: Any = (0.0, 0.0, 0.0
     Needs the columns frame, r11 … r33, tx, ty, tz. A row whose pose is empty or not finite has no
     pose; one that is half filled, no rotation or in millimetres is an `InputError` that names its
     line. `text` is the file's text if it was read already; `center` the object's middle in the mesh
-    file's frame (`Mesh.center`), which matters where that is far from the origin.
+    file's frame (`Mesh.center`), which matters where that is far from the origin, or a function
+    that gives it for an object's name and is called for far poses only.
     """
+    middle = cache(center) if callable(center) else lambda _: center
     lines = read_text(path) if text is None else text
     try:
         reader = csv.DictReader(io.StringIO(lines, newline=""), skipinitialspace=True)
@@ -197,7 +200,7 @@ def read_poses(path: Path, text: str | None = None, center: Any = (0.0, 0.0, 0.0
                 f"{path}: no column {', '.join(missing)}; its first line must name the "
                 "columns frame, r11 … r33, tx, ty, tz."
             )
-        return [_read_row(row, f"{path}, line {reader.line_num}", center) for row in reader]
+        return [_read_row(row, f"{path}, line {reader.line_num}", middle) for row in reader]
     except csv.Error as error:
         raise InputError(f"{path} cannot be read: {error}.") from error
 
@@ -212,7 +215,7 @@ def by_frame(rows: Iterable[PoseRow], where: str) -> dict[int, PoseRow]:
     return found
 
 
-def _read_row(row: Mapping[str, str | None], where: str, center: Any) -> PoseRow:
+def _read_row(row: Mapping[str, str | None], where: str, center: Callable[[str], Any]) -> PoseRow:
     texts = [(row[column] or "").strip() for column in POSE_COLUMNS]
     pose = None
     if any(texts):
@@ -223,7 +226,8 @@ def _read_row(row: Mapping[str, str | None], where: str, center: Any) -> PoseRow
         numbers = [value for value in values if value is not None]
         if all(math.isfinite(value) for value in numbers):
             pose = Pose.checked(numbers[:9], numbers[9:], where=where)
-            pose = in_metres(pose, where, center)
+            if float(pose.translation.norm()) > FARTHEST:  # reading a mesh takes long
+                pose = in_metres(pose, where, center(row.get("object") or ""))
     frame = _optional(row["frame"], f"{where}: frame")
     if frame is None or not frame.is_integer() or abs(frame) > 2**53:
         raise InputError(f"{where}: frame must be a whole number, found {row['frame']!r}.")

@@ -21,6 +21,7 @@ from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..geometry.symmetry_file import symmetries_beside, write_symmetries
 from ..io import read_text, replacing
 from .mesh_writers import write_obj
 from .sequences import Sequence
@@ -69,6 +70,7 @@ def write_rbot(
     folder = path / name
     (folder / "frames").mkdir(parents=True, exist_ok=True)
     write_obj(folder / f"{name}.obj", mesh, "mm")
+    write_symmetries(folder / f"{name}.obj", mesh.symmetries)
     rows = []
     for number, (image, pose) in enumerate(frames):
         Pillow.fromarray(image).save(folder / "frames" / f"{variant}{number:04d}.png")
@@ -107,6 +109,7 @@ def _read(path: Path, folder: Path, variant: str, poses: Pose) -> list[Sequence]
             images=tuple(images),
             group=variant,
             object=folder.name,
+            symmetric=not symmetries_beside(mesh).is_trivial,
         )
     ]
 

@@ -18,6 +18,7 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh, Unit
 from ..geometry.pose import Pose
 from ..geometry.symmetry import Symmetries
+from ..geometry.symmetry_file import symmetries_beside
 from .pose_files import PoseRow, by_frame, read_camera, read_poses
 from .video import FrameSource, ImageList, Prefetched, open_frames
 
@@ -93,7 +94,10 @@ def read_sequences(folder: Path) -> list[Sequence]:
 
 def read_sequence(folder: Path) -> list[Sequence]:
     """The sequences of one folder: one an object, most often exactly one."""
-    rows = read_poses(folder / "poses.csv")
+    rows = read_poses(
+        folder / "poses.csv",
+        center=lambda label: Mesh.load(_mesh(folder, label), allow_flat=True).center,
+    )
     frames = _frames(folder)
     names = [path.stem for path in getattr(open_frames(frames), "paths", [])]
     camera = read_camera(folder / "camera.json")
@@ -110,17 +114,19 @@ def read_sequence(folder: Path) -> list[Sequence]:
         first, start = next(iter(known.items()))
         if not label and (folder / "start.json").exists():
             first, start = 0, Pose.load(folder / "start.json")
+        mesh = _mesh(folder, label)
         found.append(
             Sequence(
                 name=f"{folder.resolve().name}.{label}" if label else folder.resolve().name,
                 folder=folder,
-                mesh=_mesh(folder, label),
+                mesh=mesh,
                 frames=frames,
                 camera=camera,
                 start=start,
                 first=first,
                 truth=known,
                 object=label,
+                symmetric=not symmetries_beside(mesh).is_trivial,
             )
         )
     return found

@@ -24,6 +24,7 @@ from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
+from ..geometry.symmetry_file import symmetries_beside, write_symmetries
 from ..io import read_text, replacing, replacing_folder
 from .mat_file import read_mat
 from .mesh_writers import write_obj
@@ -187,11 +188,12 @@ def _read_scene(
         truth = {frame: poses[k] for k, frame in enumerate(matrices)}
         first = next(iter(truth))
         points = path / "models" / name / "points.xyz"
+        mesh = _mesh(path, name)
         sequences.append(
             Sequence(
                 name=f"{scene:04d}.{name}",
                 folder=folder,
-                mesh=_mesh(path, name),
+                mesh=mesh,
                 frames=folder,
                 camera=camera,
                 start=truth[first],
@@ -201,7 +203,7 @@ def _read_scene(
                 points=points if points.is_file() else None,
                 group=name,
                 object=name,
-                symmetric=name in SYMMETRIC,
+                symmetric=name in SYMMETRIC or not symmetries_beside(mesh).is_trivial,
                 keyframes=None if scored is None else frozenset(scored) & truth.keys(),
             )
         )
@@ -237,6 +239,7 @@ def _write_model(folder: Path, mesh: Mesh) -> None:
     if (folder / MESHES[0]).exists():
         return
     write_obj(folder / MESHES[0], mesh)
+    write_symmetries(folder / MESHES[0], mesh.symmetries)
     with replacing(folder / "points.xyz") as temporary:
         np.savetxt(temporary, mesh.sample_points(POINTS), fmt="%.6f")
 

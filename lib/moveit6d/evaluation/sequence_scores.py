@@ -67,7 +67,9 @@ def score_results(
     scores = {}
     for sequence in listed:
         file = _track_of(path, sequence.name)
-        found = score_track(sequence, read_track(file), count_resets) if file is not None else None
+        if file is None:
+            continue
+        found = score_track(sequence, read_track(file, sequence.load_mesh), count_resets)
         if found is not None:
             scores[sequence.name] = found
     return scores
@@ -83,7 +85,7 @@ def confidences(sequences: Iterable[Sequence], path: Path) -> tuple[Tensor, Tens
         file = _track_of(path, sequence.name)
         if file is None:
             continue
-        rows = read_track(file)
+        rows = read_track(file, sequence.load_mesh)
         surface = EvaluationPoints.of(sequence.load_mesh(), symmetric=sequence.symmetric)
         for error in frame_errors(rows, scored_truth(sequence, rows), surface):
             row = rows.get(error.frame)

@@ -7,7 +7,7 @@ diameter before it is averaged.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -141,9 +141,13 @@ def score(
     )
 
 
-def read_track(path: Path) -> dict[int, PoseRow]:
-    """A track's rows by frame: a poses.csv of `moveit6d track` or a benchmark result."""
-    return by_frame(read_poses(path), str(path))
+def read_track(path: Path, mesh: Callable[[], Mesh] | None = None) -> dict[int, PoseRow]:
+    """A track's rows by frame: a poses.csv of `moveit6d track` or a benchmark result.
+
+    `mesh` loads the object's mesh, which is needed where its file's origin is far from it.
+    """
+    center = (0.0, 0.0, 0.0) if mesh is None else lambda _: mesh().center
+    return by_frame(read_poses(path, center=center), str(path))
 
 
 def tracking_table(

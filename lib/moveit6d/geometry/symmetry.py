@@ -74,6 +74,20 @@ class Symmetries:
             tuple(_axis_from_bop(one) for one in continuous),
         )
 
+    def to_bop(self) -> dict[str, Any]:
+        """What `from_bop` reads back, millimetres: the keys of those symmetries that there are."""
+        found: dict[str, Any] = {}
+        if len(self.discrete):
+            matrices = self.discrete.copy()
+            matrices[:, :3, 3] *= 1000
+            found["symmetries_discrete"] = matrices.reshape(-1, 16).tolist()
+        if self.continuous:
+            found["symmetries_continuous"] = [
+                {"axis": one.axis.tolist(), "offset": (1000 * one.offset).tolist()}
+                for one in self.continuous
+            ]
+        return found
+
     @property
     def is_trivial(self) -> bool:
         """Whether the object has no symmetry but the identity."""

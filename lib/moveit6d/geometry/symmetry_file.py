@@ -13,7 +13,7 @@ from typing import Any
 
 from ..checks import mapping
 from ..errors import InputError
-from ..io import read_json
+from ..io import read_json, write_json
 from .symmetry import Symmetries
 
 KEYS = ("symmetries_discrete", "symmetries_continuous")
@@ -35,6 +35,18 @@ def symmetries_beside(mesh: Path) -> Symmetries:
         info = read_json(whole).get(str(int(number[1]))) or {}
         return _declared(mapping(info, f"{whole}: object {int(number[1])}"), whole)
     return symmetries_beside(mesh.resolve()) if mesh.is_symlink() else Symmetries()
+
+
+def write_symmetries(mesh: Path, symmetries: Symmetries) -> None:
+    """Declare symmetries beside a mesh file, so that `symmetries_beside` finds them; none: no file.
+
+    An older declaration is replaced.
+    """
+    own = mesh.with_suffix(".symmetry.json")
+    if symmetries.is_trivial:
+        own.unlink(missing_ok=True)
+    else:
+        write_json(own, symmetries.to_bop())
 
 
 def _declared(info: dict[str, Any], path: Path) -> Symmetries:

@@ -17,6 +17,7 @@ from moveit6d.errors import InputError
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
+from moveit6d.geometry.symmetry import Symmetries
 from moveit6d.rendering.backends import make_renderer
 from moveit6d.synthesis.imaging.shading import ShadedSurface
 from moveit6d.synthesis.objects.demo_object import demo_object
@@ -51,6 +52,17 @@ def test_folder_holds_what_trackers_read(folder: Path) -> None:
     torch.testing.assert_close(start.translation, first.translation, atol=1e-7, rtol=0)
     info = json.loads((folder / "info.json").read_text())
     assert info["frames"] == 14 and info["seed"] == 3
+
+
+def test_declared_symmetries_go_along(folder: Path, tmp_path: Path, robot: Mesh) -> None:
+    assert not (folder / "mesh.symmetry.json").exists()
+    declared = Symmetries.from_bop({"symmetries_continuous": [{"axis": [0, 1, 0]}]})
+    made = write_sequence(
+        tmp_path / "made", mesh=replace(robot, symmetries=declared), seed=3, frames=2, camera=SMALL
+    )
+    (sequence,) = read_sequences(made)
+    (axis,) = sequence.load_mesh().symmetries.continuous
+    assert sequence.symmetric and axis.axis.tolist() == [0, 1, 0]
 
 
 def test_mesh_file_is_the_object(folder: Path, robot: Mesh) -> None:

@@ -58,6 +58,15 @@ def test_parts_are_disjoint_and_leave_nothing_out() -> None:
         PLAN.part(4, 3)
 
 
+def test_templates_are_not_lost_in_silence(source: PairSource, tmp_path: Path) -> None:
+    views = replace(source.pairs.views, share=0.4)
+    some = replace(source, pairs=replace(source.pairs, views=views))
+    with pytest.raises(
+        InputError, match=r"views\.share is 0\.4.*set data\.pairs\.views\.share to 0"
+    ):
+        ShardWriter(some, PLAN, tmp_path)
+
+
 def test_what_is_read_is_what_was_drawn(source: PairSource, whole: Path) -> None:
     random = np.random.default_rng([PLAN.seed, 2])
     pictures = source.load_photos(random)

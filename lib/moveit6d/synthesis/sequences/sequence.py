@@ -21,6 +21,7 @@ from ...errors import InputError
 from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
+from ...geometry.symmetry_file import write_symmetries
 from ...io import replacing_folder, write_json
 from ...rendering.backends import make_renderer
 from ...threads import limited_threads
@@ -64,10 +65,11 @@ def write_sequence(
 ) -> Path:
     """Make a sequence folder: frames/%06d.jpg, camera.json, mesh.glb, start.json, poses.csv.
 
-    `photos` (H, W, 3) uint8 become backgrounds and textures; without them procedural pictures do.
-    Nothing appears under `folder` before everything is written. An older sequence made here is
-    replaced; any other folder that holds something is refused with an `InputError`. `on_frame` is
-    called with the number of each finished frame.
+    The mesh's declared symmetries, if any, go into mesh.symmetry.json. `photos` (H, W, 3) uint8
+    become backgrounds and textures; without them procedural pictures do. Nothing appears under
+    `folder` before everything is written. An older sequence made here is replaced; any other folder
+    that holds something is refused with an `InputError`. `on_frame` is called with the number of
+    each finished frame.
     """
     folder = Path(folder)
     _refuse_foreign(folder)
@@ -86,6 +88,7 @@ def write_sequence(
                 on_frame(number)
         write_camera(work / "camera.json", scene.camera)
         write_glb(work / "mesh.glb", mesh)
+        write_symmetries(work / "mesh.glb", mesh.symmetries)
         head = ",".join(("frame", "image", *POSE_COLUMNS, "visible_fraction"))
         (work / "poses.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
         write_json(work / "info.json", {**scene.facts(), "seed": seed, "jpeg_quality": quality})

@@ -54,9 +54,17 @@ def shard_path(folder: Path, number: int, plan: ShardPlan) -> Path:
 
 
 class ShardWriter:
-    """Writes shards of one plan; loads files once, however many shards it writes."""
+    """Writes shards of one plan; loads files once, however many shards it writes.
+
+    `InputError` for pairs with templates (`ViewConfig`), which shards do not hold.
+    """
 
     def __init__(self, source: PairSource, plan: ShardPlan, folder: Path) -> None:
+        if source.pairs.views.share > 0:
+            raise InputError(
+                f"data.pairs.views.share is {source.pairs.views.share}, but written pairs hold no "
+                "templates for descriptors: set data.pairs.views.share to 0."
+            )
         self.source, self.plan, self.folder = source, plan, Path(folder)
         self._loaded: tuple[list[np.ndarray], list[Mesh], list[Mesh] | None] | None = None
 
