@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from moveit6d.camera_calibration import Board, Corners, calibrate, choose_views
+from moveit6d.camera_calibration import Board, Calibration, Corners, calibrate, choose_views
 from moveit6d.errors import InputError
 from moveit6d.geometry.camera import Camera
 from tests.support.board_photos import FISHEYE, HEIGHT, STANDARD, WIDTH, photos
@@ -41,6 +42,36 @@ def test_the_camera_that_took_the_photos_comes_back(
     landed = result.camera.lens.project(points, result.camera.matrix.numpy())
     apart = expected - landed - (expected - landed).mean(0)
     assert np.sqrt((apart**2).sum(1).mean()) < 1.3
+
+
+WIDE = 600 / np.pi  # of an equidistant lens that shows 180 degrees across 600 pixels
+
+
+@pytest.mark.parametrize(
+    ("camera", "degrees"),
+    [
+        (Camera(320, 300, 319.5, 239.5, 640, 480), 90),
+        (Camera(100, 320, 239.5, 319.5, 480, 640), 90),
+        (Camera(320, 320, -0.5, 239.5, 640, 480), np.degrees(np.arctan(2))),
+        (Camera(WIDE, WIDE, 299.5, 199.5, 600, 400, (0, 0, 0, 0), "fisheye"), 180),
+        (Camera(99, WIDE, 199.5, 299.5, 400, 600, (0, 0, 0, 0), "fisheye"), 180),
+        (Camera(0.9 * WIDE, 99, 299.5, 199.5, 600, 400, (0, 0, 0, 0), "fisheye"), 200),
+    ],
+    ids=["wide", "upright", "off the middle", "fisheye", "upright fisheye", "beyond 180"],
+)
+def test_the_field_of_view_is_that_of_the_lens(camera: Camera, degrees: float) -> None:
+    assert Calibration(camera, 0.1, 9, 1.0).field_of_view == pytest.approx(degrees, abs=0.01)
+
+
+@pytest.mark.parametrize("camera", [STANDARD, FISHEYE], ids=["standard", "fisheye"])
+def test_the_field_of_view_is_where_opencv_sees_the_edges(camera: Camera) -> None:
+    edges = np.array([[[-0.5, (HEIGHT - 1) / 2]], [[WIDTH - 0.5, (HEIGHT - 1) / 2]]])
+    module = cv2.fisheye if camera.distortion_model == "fisheye" else cv2
+    plane = module.undistortPoints(edges, camera.matrix.numpy(), np.array(camera.distortion))
+    one, two = np.column_stack([plane.reshape(2, 2), np.ones(2)])
+    expected = np.degrees(np.arccos(one @ two / np.linalg.norm(one) / np.linalg.norm(two)))
+    found = Calibration(camera, 0.1, 9, 1.0).field_of_view
+    assert found == pytest.approx(expected, abs=0.02)
 
 
 def synthetic_views(count: int, noise: float = 0.05, bad: int = 0) -> list[Corners]:

@@ -6,9 +6,24 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pytest
+from PIL import Image
+
 from moveit6d.cli.main import main
+from tests.support.configs import FAST_DETECTION
+from tests.support.patches import BOX
 
 Make = Callable[..., Any]
+
+
+@pytest.fixture
+def without_material(tmp_path: Path) -> Path:
+    """A folder with a mesh whose material file is missing."""
+    folder = tmp_path / "objects"
+    folder.mkdir()
+    (folder / "box.obj").write_text(BOX.obj("mtllib gone.mtl\nusemtl skin\n"))
+    return folder
 
 
 def test_the_parts_of_an_iteration_are_printed(
@@ -33,3 +48,37 @@ def test_the_parts_of_an_iteration_are_printed(
     for part in ("crop", "render", "observe", "network", "move", "sum", "whole iteration"):
         assert part in text
     assert "1 threads" in text and "median of 2" in text
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["iteration", "--repeats", "1", "--mesh", "box.obj"],
+        ["motion", "--speeds", "0", "--frames", "2", "--mesh", "box.obj"],
+        ["refinement", "--number", "1", "--objects", ".", "--photos", "photos"],
+        ["detection", "--limit", "1", "--objects", ".", "--photos", "photos", *FAST_DETECTION],
+    ],
+    ids=lambda words: str(words[0]),
+)
+def test_whoever_advises_an_option_has_it(
+    without_material: Path, words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    (without_material / "photos").mkdir()
+    Image.fromarray(np.full((120, 160, 3), 90, np.uint8)).save(
+        without_material / "photos" / "0.png"
+    )
+    monkeypatch.chdir(without_material)
+    assert main(["benchmark", *words]) == 2
+    assert "pass --allow_untextured" in capsys.readouterr().err
+    assert main(["benchmark", *words, "--allow_untextured"]) == 0
+    said = capsys.readouterr()
+    assert "gone.mtl" in said.err and said.out.count("\n") > 2
+
+
+def test_the_oracle_runs_without_a_network_and_its_options(capsys: Any) -> None:
+    assert main(["benchmark", "oracle", "--starts", "1"]) == 0
+    assert "within half a step" in capsys.readouterr().out
+    with pytest.raises(SystemExit) as ended:
+        main(["benchmark", "oracle", "--starts", "1", "--float32"])
+    assert ended.value.code == 2
+    assert "there is no option --float32" in capsys.readouterr().err

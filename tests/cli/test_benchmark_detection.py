@@ -13,15 +13,12 @@ from PIL import Image
 
 from moveit6d.cli.benchmark_detection import _photos
 from moveit6d.cli.main import main
-from moveit6d.datasets.pose_files import read_poses
+from moveit6d.datasets.pose_files import RESULT_COLUMNS, PoseRow, read_poses, write_poses
 from moveit6d.errors import InputError
+from moveit6d.estimation import PoseTracker
 from moveit6d.estimation.detection import detector
 from moveit6d.frame import prepare_frame
-
-FAST = [
-    "--detection.templates.rotations", "40", "--detection.templates.coarse_rotations", "20",
-    "--detection.match.widths", "[0.5, 0.9]", "--detection.stages", "[[4, 2]]",
-]  # fmt: skip
+from tests.support.configs import FAST_DETECTION
 
 
 @pytest.fixture
@@ -47,12 +44,46 @@ def test_detection_counts_frames_and_claims(
     (objects / "brick.ply").write_bytes((made.folder / "mesh.ply").read_bytes())
     command = ["benchmark", "detection", "--sequences", str(made.folder.parent), "--every", "3"]
     command += ["--photos", str(photos), "--objects", str(objects), "--limit", "1"]
-    assert main([*command, *FAST]) == 0
+    assert main([*command, *FAST_DETECTION]) == 0
     found = table(capsys.readouterr().out)
     assert found["easy"][0] == "1", "frame 0"
     assert found["all"][:2] == ["1", "0.0 %"], "the last table: no pose in a photo is right"
     assert main(["benchmark", "detection"]) == 2
     assert "give --sequences" in capsys.readouterr().err
+
+
+def test_detection_counts_what_cannot_be_read(
+    make_sequence: Callable[..., Any], photos: Path, tmp_path: Path, capsys: Any
+) -> None:
+    made = make_sequence("easy_00", frames=2)
+    (made.folder / "frames" / "000001.png").write_bytes(b"no picture")
+    command = [
+        "benchmark",
+        "detection",
+        "--sequences",
+        str(made.folder),
+        "--every",
+        "1",
+        *FAST_DETECTION,
+    ]
+    assert main(command) == 0
+    said = capsys.readouterr().out
+    assert table(said)["all"][0] == "2" and "1 of 2 frames could not be read" in said
+    (made.folder / "frames" / "000000.png").write_bytes(b"no picture")
+    assert main(command) == 2
+    assert "none of the 2 frames to score can be read" in capsys.readouterr().err
+
+
+def test_detection_without_a_frame_to_look_in_is_one_sentence(
+    make_sequence: Callable[..., Any], capsys: Any
+) -> None:
+    made = make_sequence("easy_00", frames=3, start=False)
+    poses = made.folder / "poses.csv"
+    head, _, *rows = poses.read_text().splitlines()
+    poses.write_text("\n".join([head, *rows]))
+    command = ["benchmark", "detection", "--sequences", str(made.folder), "--every", "20"]
+    assert main(command) == 2
+    assert "a multiple of 20 has a true pose; give a smaller --every" in capsys.readouterr().err
 
 
 def test_detection_computes_with_as_many_threads_as_asked(
@@ -66,7 +97,7 @@ def test_detection_computes_with_as_many_threads_as_asked(
 
     monkeypatch.setattr(detector, "prepare_frame", watched)
     before = torch.get_num_threads()
-    command = ["benchmark", "detection", "--sequences", str(made.folder.parent), *FAST]
+    command = ["benchmark", "detection", "--sequences", str(made.folder.parent), *FAST_DETECTION]
     try:
         assert main([*command, "--threads", "2"]) == 0
     finally:
@@ -90,6 +121,58 @@ def test_recovery_keeps_the_tracks(
     assert [row.frame for row in rows] == [0, 1, 2, 3]
 
 
+@pytest.fixture
+def calibrated(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The images from which trackers calibrated."""
+    seen: list[Any] = []
+    monkeypatch.setattr(PoseTracker, "calibrate", lambda self, image: seen.append(image))
+    return seen
+
+
+@pytest.mark.parametrize(("options", "number"), [([], 1), (["--no_calibration"], 0)])
+def test_recovery_calibrates_unless_told_not_to(
+    make_sequence: Callable[..., Any], scene: Any, use_oracle: Callable[..., None], photos: Path,
+    tmp_path: Path, calibrated: list[Any], options: list[str], number: int,
+) -> None:  # fmt: skip
+    made = make_sequence("hard_01", frames=2, still=True)
+    use_oracle(scene.mesh, made.poses[0])
+    command = ["benchmark", "recovery", "--sequences", str(made.folder.parent)]
+    command += ["--photos", str(photos), "--output", str(tmp_path / "tracks")]
+    assert main([*command, *options]) == 0
+    assert len(calibrated) == number
+
+
+def test_recovery_begins_in_the_frame_of_the_start(
+    make_sequence: Callable[..., Any], scene: Any, use_oracle: Callable[..., None], photos: Path,
+    tmp_path: Path, calibrated: list[Any],
+) -> None:  # fmt: skip
+    made = make_sequence("hard_01", frames=5, start=False)
+    table = made.folder / "poses.csv"
+    head, *rows = table.read_text().splitlines()
+    table.write_text("\n".join([head, *rows[3:]]))
+    use_oracle(scene.mesh, made.poses[3])
+    command = ["benchmark", "recovery", "--sequences", str(made.folder.parent)]
+    command += ["--photos", str(photos), "--output", str(tmp_path / "tracks")]
+    assert main(command) == 0
+    kept = read_poses(tmp_path / "tracks" / "hard_01.csv")
+    assert [row.frame for row in kept] == [3, 4]
+    (image,) = calibrated
+    np.testing.assert_array_equal(image, scene.image(3))
+
+
+def test_recovery_without_the_frame_of_the_start_is_one_sentence(
+    make_sequence: Callable[..., Any], scene: Any, use_oracle: Callable[..., None], photos: Path,
+    tmp_path: Path, capsys: Any,
+) -> None:  # fmt: skip
+    made = make_sequence("hard_01", frames=2, start=False)
+    write_poses(made.folder / "poses.csv", [PoseRow(9, pose=made.poses[0])], RESULT_COLUMNS)
+    use_oracle(scene.mesh, made.poses[0])
+    command = ["benchmark", "recovery", "--sequences", str(made.folder.parent)]
+    command += ["--photos", str(photos), "--output", str(tmp_path / "tracks")]
+    assert main(command) == 2
+    assert "hard_01: there is no frame 9, that of the start" in capsys.readouterr().err
+
+
 def test_motion_refuses_speeds_that_cannot_be(capsys: Any) -> None:
     assert main(["benchmark", "motion", "--speeds", "-1"]) == 2
     assert main(["benchmark", "motion", "--frames", "1"]) == 2
@@ -100,6 +183,12 @@ def test_photos_are_chosen_evenly(photos: Path) -> None:
     assert [name for name, _ in _photos(photos, 2)] == ["0.png", "2.png"]
     assert [name for name, _ in _photos(photos, 1)] == ["0.png"]
     assert len(_photos(photos, None)) == len(_photos(photos, 9)) == 3
+
+
+def test_photos_that_are_left_out_are_said(photos: Path, capsys: Any) -> None:
+    (photos / "1.png").write_bytes(b"no picture")
+    assert [name for name, _ in _photos(photos, None)] == ["0.png", "2.png"]
+    assert "1 of 3 pictures cannot be read" in capsys.readouterr().err
 
 
 def test_photos_that_cannot_be_read_are_one_sentence(tmp_path: Path) -> None:

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+from collections.abc import Iterator
+from fractions import Fraction
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 from PIL import Image
 
 from moveit6d.camera_calibration import Board
+from moveit6d.cli.calibrate import TRIED, _spread
 from moveit6d.cli.main import main
+from moveit6d.datasets.video import VideoFrame, open_frames
 from moveit6d.geometry.camera import Camera
 from tests.support.board_photos import HEIGHT, STANDARD, WIDTH, photos
 
@@ -74,3 +80,42 @@ def test_photos_without_a_board_or_of_several_sizes(
     Image.new("RGB", (48, 64)).save(tmp_path / "1.png")
     assert main(words) == 2 and "one resolution" in capsys.readouterr().err
     assert not (tmp_path / "camera.json").exists()
+
+
+def video(path: Path, codec: str, frames: int) -> Path:
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream(codec, rate=Fraction(25))
+        stream.width, stream.height, stream.pix_fmt = 32, 16, "yuv420p"
+        for number in range(frames):
+            picture = np.full((16, 32, 3), number % 256, np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, "rgb24")))
+        container.mux(stream.encode())
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "codec"), [("a.mp4", "libx264"), ("a.mkv", "libx264"), ("a.webm", "libvpx")]
+)
+def test_the_whole_of_a_video_is_used(tmp_path: Path, name: str, codec: str) -> None:
+    taken = [f.index for f in _spread(open_frames(video(tmp_path / name, codec, 900)))]
+    gaps = [after - before for before, after in itertools.pairwise(taken)]
+    assert taken[0] == 0 and taken[-1] >= 896 and max(gaps) <= 4
+    assert len(taken) <= 2 * TRIED
+
+
+class Unending:
+    """A source without an end that anyone knows; `live` as a camera's."""
+
+    length = fps = None
+
+    def __init__(self, live: bool, frames: int) -> None:
+        self.live, self.frames = live, frames
+
+    def __iter__(self) -> Iterator[VideoFrame]:
+        return (VideoFrame(k, str(k), None) for k in range(self.frames))
+
+
+def test_a_long_video_costs_little_more_and_a_camera_ends() -> None:
+    taken = [frame.index for frame in _spread(Unending(False, 1_000_000))]
+    assert len(taken) < 8 * TRIED and taken[-1] > 990_000
+    assert [f.index for f in _spread(Unending(True, 1_000_000))] == list(range(TRIED))

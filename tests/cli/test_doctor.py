@@ -45,6 +45,12 @@ def test_a_machine_without_opengl_is_healthy(monkeypatch: pytest.MonkeyPatch, ca
     assert "torch" in text and "cores" in text and "network    " in text
 
 
+@pytest.mark.parametrize("option", [["--output", "a.png"], ["--mesh_unit", "mm"]])
+def test_options_of_a_mesh_need_one(option: list[str], capsys: Any) -> None:
+    assert main(["doctor", *option]) == 2
+    assert f"{option[0]} needs --mesh" in capsys.readouterr().err
+
+
 def test_without_the_default_renderer_nothing_goes(
     monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:

@@ -170,6 +170,28 @@ def test_attention_of_a_network(own: Path, tmp_path: Path) -> None:
     assert row["network"] == "model" and row["mean on the object"] is None
 
 
+def test_every_checkpoint_has_a_column_and_computes_as_asked(
+    own: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded: list[tuple[str, str]] = []
+
+    def load(path: Path | None = None, *, compute: str = "auto") -> OraclePolicy:
+        loaded.append(("" if path is None else path.name, compute))
+        return OraclePolicy(Pose.identity(1), ActionMode.ALL_AXES)
+
+    monkeypatch.setattr("moveit6d.policies.load_policy", load)
+    folder = Path(__file__).resolve().parents[2] / "examples" / "object_specific"
+    files = sorted(folder.glob("*.safetensors"))
+    assert len(files) == 2
+    out = tmp_path / "out"
+    command = ["reproduce", "attention", "--data", str(own), "--output", str(out), "--float32"]
+    assert main([*command, "--checkpoints", *map(str, files)]) == 0
+    rows = report(out, "attention")["tables"]["attention"]
+    names = ["25000 steps (gz_suv)", "25000 steps (scan_conditioner)", "model"]
+    assert [row["network"] for row in rows] == names
+    assert loaded == [("", "float32"), *((file.name, "float32") for file in files)]
+
+
 def test_detection_is_scored_by_both_criteria(own: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     options = ["--sinks", "1", "--poses", "1", "--rotations", "2", "--sizes", "0.4"]

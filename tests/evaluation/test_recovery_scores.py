@@ -35,6 +35,17 @@ def test_the_middle_becomes_other_pictures() -> None:
     assert found[GONE[0]].image.shape == (6, 8, 3)  # type: ignore[union-attr]
 
 
+def test_frames_are_counted_from_that_of_the_start(brick: Mesh) -> None:
+    black, white = np.zeros((6, 8, 3), np.uint8), np.full((6, 8, 3), 255, np.uint8)
+    frames = [VideoFrame(k, str(k), black) for k in range(7, 107)]
+    found = [f.index for f in cut(frames, [white], 0, 7) if f.image is white or f.image.max()]  # type: ignore[union-attr]
+    assert found == list(range(GONE[0] + 7, GONE[1] + 7))
+    rows = {k: PoseRow(k, pose=RIGHT, state="tracking") for k in range(7, 107)}
+    score = score_recovery(rows, dict.fromkeys(rows, RIGHT), EvaluationPoints.of(brick), 7)
+    early = {k - 7: PoseRow(k - 7, pose=RIGHT, state="tracking") for k in rows}
+    assert score == score_recovery(early, dict.fromkeys(early, RIGHT), EvaluationPoints.of(brick))
+
+
 def test_without_other_pictures_nothing_is_cut_and_it_is_said_at_once() -> None:
     with pytest.raises(InputError, match="no other picture"):
         cut([], [], 0)

@@ -12,9 +12,10 @@ import torch
 from PIL import Image
 
 from moveit6d.config import CalibrationConfig, TrackerConfig
-from moveit6d.datasets.pose_files import PoseRow, read_poses
+from moveit6d.datasets.pose_files import PoseRow, read_poses, write_poses
 from moveit6d.datasets.sequences import Sequence, read_sequence, read_sequences
 from moveit6d.errors import InputError
+from moveit6d.estimation import PoseTracker
 from moveit6d.evaluation.protocols import NO_RESET, PAPER
 from moveit6d.evaluation.run_tracker import TrackedFrame
 from moveit6d.evaluation.runner import (
@@ -25,12 +26,14 @@ from moveit6d.evaluation.runner import (
     gather,
     run_all,
     track,
+    tracker_and_frames,
 )
 from moveit6d.evaluation.sequence_scores import score_track
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import OraclePolicy
 from moveit6d.rendering.backends import make_renderer
 from tests.support.configs import NO_CONTOUR
+from tests.support.sequence_meshes import far_from_origin
 
 Make = Callable[..., Any]
 PLAIN = replace(NO_CONTOUR, calibration=CalibrationConfig(enabled=False))
@@ -89,6 +92,23 @@ def test_a_first_frame_that_cannot_calibrate_does_not_end_the_sequence(
         first.write_bytes(b"no picture")
     found = score_track(sequence, gather(sequence, follow(made, sequence, NO_CONTOUR), None))
     assert found is not None and found.below_5 == 1.0 and found.frames == 3
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_a_tracker_begins_and_calibrates_in_the_frame_of_the_start(
+    make_sequence: Make, enabled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, seen = make_sequence(frames=4), []
+    (sequence,) = read_sequence(made.folder)
+    later = replace(sequence, first=2, start=made.poses[2])
+    config = replace(PLAIN, calibration=CalibrationConfig(enabled=enabled))
+    monkeypatch.setattr(PoseTracker, "calibrate", lambda self, image: seen.append(image))
+    policy = Truth([sequence.load_mesh().inner(made.poses[2])])
+    job = TrackJob(sequence=later, config=config)
+    _, frames = tracker_and_frames(job, policy, make_renderer())
+    images = {frame.index: frame.image for frame in frames}
+    assert sorted(images) == [2, 3]
+    assert len(seen) == enabled and all(image is images[2] for image in seen)
 
 
 def test_a_protocol_and_a_number_of_frames_are_kept(make_sequence: Make) -> None:
@@ -152,6 +172,19 @@ def test_tracks_are_kept_and_used_again(jobs: list[TrackJob], tmp_path: Path) ->
         assert one.tracked.rows.keys() == two.tracked.rows.keys()
     run(jobs, count, store, resume=False)
     assert len(count.done) == 4
+
+
+def test_the_track_of_a_mesh_far_from_its_origin_is_used_again(
+    make_sequence: Make, tmp_path: Path
+) -> None:
+    made = make_sequence()
+    poses = far_from_origin(made.folder)
+    job, store = TrackJob(sequence=read_sequence(made.folder)[0]), TrackStore(tmp_path / "store")
+    rows = {k: PoseRow(k, pose=pose) for k, pose in enumerate(poses)}
+    write_poses(store.file(job), rows.values())
+    store.finish(job, Tracked(rows), {})
+    kept = store.read(job)
+    assert kept is not None and list(kept) == list(rows)
 
 
 def test_other_settings_and_half_a_track_are_done_again(

@@ -52,6 +52,24 @@ def picture(width: int, height: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("camera", CAMERAS, ids=NAMES)
+def test_directions_of_pixels_lead_back_to_them(camera: Camera) -> None:
+    assert camera.lens is not None
+    pixels = np.array([[162.0, 118.0], [10.0, 20.0], [300.0, 40.0], [60.0, 220.0]])
+    rays = camera.lens.directions(pixels, camera.matrix.numpy())
+    np.testing.assert_allclose(np.linalg.norm(rays, axis=1), 1, atol=1e-9)
+    np.testing.assert_allclose(opencv_pixels(rays, camera), pixels, atol=0.01)
+
+
+def test_a_fisheye_has_directions_to_its_side_and_back() -> None:
+    camera = Camera(100, 100, 0, 0, 400, 10, (0, 0, 0, 0), "fisheye")
+    assert camera.lens is not None
+    pixels = np.array([[100 * np.pi / 2, 0.0], [100 * np.radians(100), 0.0]])
+    rays = camera.lens.directions(pixels, camera.matrix.numpy())
+    angles = np.degrees(np.arctan2(rays[:, 0], rays[:, 2]))
+    np.testing.assert_allclose(angles, [90, 100], atol=0.01)
+
+
+@pytest.mark.parametrize("camera", CAMERAS, ids=NAMES)
 def test_points_of_arrays_and_of_tensors_land_where_opencv_puts_them(camera: Camera) -> None:
     random = np.random.default_rng(1)
     points = np.column_stack([random.uniform(-0.35, 0.35, (40, 2)), np.ones(40)])

@@ -38,6 +38,24 @@ class Calibration:
     coverage: float
     spread: float | None = None
 
+    @property
+    def field_of_view(self) -> float:
+        """Degrees between what the middles of the picture's two shorter edges show."""
+        camera, lens = self.camera, self.camera.lens
+        u, v = (camera.width - 1) / 2, (camera.height - 1) / 2
+        if camera.width >= camera.height:
+            edges = np.array([[-0.5, v], [camera.width - 0.5, v]])
+        else:
+            edges = np.array([[u, -0.5], [u, camera.height - 0.5]])
+        if lens is None:
+            rays = camera.unproject(torch.from_numpy(edges)).numpy()
+        else:
+            rays = lens.directions(edges, camera.matrix.numpy())
+        one, two = rays
+        across = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(one, two)), one @ two)))
+        # Of a fisheye that sees behind itself the axis lies in the larger of the two angles.
+        return across if one[2] + two[2] >= 0 else 360 - across
+
     def doubts(self) -> list[str]:
         """What speaks against trusting it, in sentences with what to do; empty if nothing does."""
         found = []

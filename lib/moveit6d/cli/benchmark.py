@@ -15,7 +15,9 @@ from .common import (
     UNITS,
     Setting,
     add_machine_options,
+    add_network_options,
     add_tracking_options,
+    add_untextured_option,
     add_verb,
     make_tools,
     positive,
@@ -104,6 +106,7 @@ def add_parser(verbs: Any) -> None:
     )
     three.add_argument("--number", type=positive, default=200, metavar="N", help="cases")
     three.add_argument("--seed", type=int, default=0, metavar="N", help="of the cases")
+    add_untextured_option(three)
     add_tracking_options(three)
     three.set_defaults(run=refinement)
     four = add_verb(kinds, "oracle", "prove the loop", ORACLE, ORACLE_EXAMPLES)
@@ -117,7 +120,9 @@ def add_parser(verbs: Any) -> None:
     two.add_argument("--mesh_unit", choices=UNITS, default="m", help="the mesh's unit")
     two.add_argument("--repeats", type=positive, default=100, metavar="N", help="iterations")
     two.add_argument("--weights", type=Path, metavar="FILE", help="weights instead of the shipped")
+    add_untextured_option(two)
     add_machine_options(two)
+    add_network_options(two)
     two.set_defaults(run=iteration)
 
 
@@ -130,7 +135,11 @@ def iteration(args: argparse.Namespace) -> int:
     from ..geometry.mesh import Mesh
     from ..synthesis.objects.demo_object import demo_object
 
-    mesh = demo_object() if args.mesh is None else Mesh.load(args.mesh, args.mesh_unit)
+    mesh = (
+        demo_object()
+        if args.mesh is None
+        else Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
+    )
     policy, renderer = make_tools(Setting.of(args))
     count = args.repeats + WARM_UP
     rounds = progress(range(count), count, "iteration", "iteration")
@@ -161,7 +170,8 @@ def refinement(args: argparse.Namespace) -> int:
     paths = mesh_files(args.objects)
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
-    meshes = [Mesh.load(path, "m", allow_flat=True) for path in paths]
+    plain_too = args.allow_untextured
+    meshes = [Mesh.load(path, allow_untextured=plain_too, allow_flat=True) for path in paths]
     photos = load_photos(args.photos)
     cases = list(
         make_cases(

@@ -11,13 +11,23 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from .common import UNITS, Setting, add_tracking_options, add_verb, make_tools, new_folder, positive
-from .messages import progress
+from .common import (
+    UNITS,
+    Setting,
+    add_tracking_options,
+    add_untextured_option,
+    add_verb,
+    make_tools,
+    new_folder,
+    positive,
+)
+from .messages import note, progress
 
 DETECTION = """\
 Looks for the object of every sequence in single frames, from nothing, and prints how often ADD(-S)
-is below 10 % of the diameter. With --photos and --objects it also looks for every object in photos
-without it, and prints how often a pose is claimed.
+is below 10 % of the diameter; a frame that cannot be read counts as one without a pose. With
+--photos and --objects it also looks for every object in photos without it, and prints how often a
+pose is claimed.
 """
 
 DETECTION_EXAMPLES = """\
@@ -27,8 +37,9 @@ examples:
 """
 
 RECOVERY = """\
-Tracks every sequence with an exact start while frames 40 to 69 are other pictures, and prints how
-often the object is found again, known to be lost, claimed where it is not, and known to be tracked.
+Tracks every sequence with an exact start while frames 40 to 69, counted from that of the start, are
+other pictures, and prints how often the object is found again, known to be lost, claimed where it
+is not, and known to be tracked.
 """
 
 RECOVERY_EXAMPLES = """\
@@ -56,6 +67,7 @@ def add_kinds(kinds: Any) -> None:
     one.add_argument("--photos", type=Path, metavar="DIR", help="pictures without the objects")
     one.add_argument("--objects", type=Path, metavar="DIR", help="meshes, metres")
     one.add_argument("--limit", type=positive, metavar="N", help="photos at most, evenly chosen")
+    add_untextured_option(one)
     add_tracking_options(one)
     one.set_defaults(run=run_detection)
     two = add_verb(kinds, "recovery", "lose objects and find them", RECOVERY, RECOVERY_EXAMPLES)
@@ -73,6 +85,7 @@ def add_kinds(kinds: Any) -> None:
     )  # fmt: skip
     three.add_argument("--frames", type=positive, default=40, metavar="N", help="of each")
     three.add_argument("--seed", type=int, default=0, metavar="N", help="of the sequences")
+    add_untextured_option(three)
     add_tracking_options(three)
     three.set_defaults(run=run_motion)
 
@@ -109,13 +122,19 @@ def run_detection(args: argparse.Namespace) -> int:
         for video in progress(videos, len(videos), "detect", "sequence"):
             frames = range(0, max(video.truth) + 1, args.every)
             found += detect_in_sequence(video, frames, make)
+        if not found:
+            raise InputError(
+                f"{args.sequences}: no frame whose number is a multiple "
+                f"of {args.every} has a true pose; give a smaller --every."
+            )
         print(detection_table(found, accepted))
     if args.photos is not None and args.objects is not None:
         photos = _photos(args.photos, args.limit)
         claims: list[DetectedFrame] = []
         meshes = mesh_files(args.objects)
         for path in progress(meshes, len(meshes), "photos", "object"):
-            claims += detect_in_photos(photos, Mesh.load(path), make)
+            mesh = Mesh.load(path, allow_untextured=args.allow_untextured)
+            claims += detect_in_photos(photos, mesh, make)
         print(detection_table(claims, accepted))
     return 0
 
@@ -124,14 +143,14 @@ def run_recovery(args: argparse.Namespace) -> int:
     """Track the cut sequences, keep the tracks, print the table."""
     from ..datasets.pose_files import write_poses
     from ..datasets.sequences import read_sequences
-    from ..estimation import PoseTracker
     from ..evaluation.recovery_scores import (
         RecoveryScore,
         cut,
         recovery_table,
         score_recovery,
     )
-    from ..evaluation.run_tracker import calibrating, run_tracker
+    from ..evaluation.run_tracker import run_tracker
+    from ..evaluation.runner import TrackJob, tracker_and_frames
     from ..evaluation.track_scores import EvaluationPoints
 
     setting = Setting.of(args)
@@ -141,22 +160,15 @@ def run_recovery(args: argparse.Namespace) -> int:
     scores: dict[str, RecoveryScore] = {}
     videos = read_sequences(args.sequences)
     for number, video in enumerate(progress(videos, len(videos), "track", "sequence")):
-        mesh = video.load_mesh()
-        tracker = PoseTracker(
-            mesh,
-            video.camera,
-            video.start,
-            policy=policy,
-            renderer=renderer,
-            config=setting.config,
-            threads=setting.threads,
-        )
-        frames = cut(calibrating(tracker, video.open()), photos, number)
+        job = TrackJob(sequence=video, config=setting.config, threads=setting.threads)
+        tracker, frames = tracker_and_frames(job, policy, renderer)
+        frames = cut(frames, photos, number, video.first)
         rows = {step.frame.index: step.row for step in run_tracker(tracker, frames)}
+        if not rows:
+            raise InputError(f"{video.folder}: there is no frame {video.first}, that of the start.")
         write_poses(output / f"{video.name}.csv", list(rows.values()))
-        one = score_recovery(
-            rows, video.truth, EvaluationPoints.of(mesh, symmetric=video.symmetric)
-        )
+        surface = EvaluationPoints.of(video.load_mesh(), symmetric=video.symmetric)
+        one = score_recovery(rows, video.truth, surface, video.first)
         scores[video.level] = scores[video.level] + one if video.level in scores else one
         print(recovery_table({video.name: one}).splitlines()[2], flush=True)
     print(recovery_table(scores))
@@ -171,7 +183,11 @@ def run_motion(args: argparse.Namespace) -> int:
 
     if args.frames < 2 or min(args.speeds) < 0:
         raise InputError("--frames must be 2 or more and --speeds not negative.")
-    mesh = demo_object() if args.mesh is None else Mesh.load(args.mesh, args.mesh_unit)
+    mesh = (
+        demo_object()
+        if args.mesh is None
+        else Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
+    )
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
     costs = motion_costs(
@@ -185,9 +201,12 @@ def _photos(folder: Path, limit: int | None) -> list[tuple[str, Any]]:
     """Names and pictures of a folder, evenly chosen."""
     from ..datasets.video import open_frames
 
-    found = [(f.name, f.image) for f in open_frames(folder / "*") if f.image is not None]
+    frames = list(open_frames(folder / "*"))
+    found = [(f.name, f.image) for f in frames if f.image is not None]
     if not found:
         raise InputError(f"{folder}: no picture can be read; give a folder of photographs.")
+    if len(found) < len(frames):
+        note(f"{folder}: {len(frames) - len(found)} of {len(frames)} pictures cannot be read.")
     if limit is None or limit >= len(found):
         return found
     return [found[round(k * (len(found) - 1) / max(limit - 1, 1))] for k in range(limit)]

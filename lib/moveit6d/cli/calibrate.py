@@ -39,7 +39,7 @@ examples:
   moveit6d calibrate --video action_cam.mp4 --lens fisheye --output camera.json
 """
 
-TRIED = 300  # frames in which the board is looked for
+TRIED = 300  # frames in which the board is looked for; a few times more where the end is not known
 PAPER = (2480, 3508)  # A4 at 300 dots an inch, pixels
 MARGIN = 120  # pixels of white around the printed board
 
@@ -108,11 +108,10 @@ def _calibrate(args: argparse.Namespace, board: Board) -> int:
     _write(args.output, found)
     for doubt in found.doubts():
         note(f"{doubt}.")
-    camera = found.camera
-    across = math.degrees(2 * math.atan(0.5 * max(camera.width, camera.height) / camera.fx))
     print(
         f"{found.views} pictures, corners {found.error:.2f} pixels off, field of view "
-        f"{across:.0f} degrees, {100 * found.coverage:.0f} % of the picture seen: {args.output}"
+        f"{found.field_of_view:.0f} degrees, {100 * found.coverage:.0f} % of the picture seen: "
+        f"{args.output}"
     )
     return 0
 
@@ -139,14 +138,22 @@ def _views(board: Board, frames: FrameSource) -> tuple[list[Corners], tuple[int,
 
 
 def _spread(frames: FrameSource) -> Iterator[VideoFrame]:
-    """Up to `TRIED` frames: evenly spread if their number is known, else the first ones."""
+    """Up to `TRIED` frames: evenly spread if their number is known, of a camera the first ones.
+
+    A video file that does not say how many it has is read to its end, the farther the sparser.
+    """
+    from ..datasets.video import is_live
+
     every = max(1, math.ceil((frames.length or 0) / TRIED))
+    to_the_end = frames.length is None and not is_live(frames)
     taken = 0
     for frame in frames:
+        if to_the_end and frame.index >= TRIED * every:
+            every *= 2
         if frame.index % every == 0:
             yield frame
             taken += 1
-        if taken == TRIED:
+        if taken == TRIED and not to_the_end:
             return
 
 

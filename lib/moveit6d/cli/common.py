@@ -83,6 +83,7 @@ def add_tracking_options(parser: argparse.ArgumentParser, base: TrackerConfig = 
         "--weights", type=Path, metavar="FILE", help="weights file instead of the shipped one"
     )
     add_machine_options(group)
+    add_network_options(group)
     add_settings(parser, base)
 
 
@@ -96,7 +97,7 @@ def add_untextured_option(parser: argparse.ArgumentParser) -> None:
 
 
 def add_machine_options(group: Any) -> None:
-    """Renderer and threads."""
+    """Renderer and threads, of whatever renders."""
     group.add_argument(
         "--renderer",
         choices=("embree", "pyrender"),
@@ -105,8 +106,12 @@ def add_machine_options(group: Any) -> None:
     )
     # More threads hardly help a network this small, and hurt much where the machine is busy.
     group.add_argument(
-        "--threads", type=positive, default=1, metavar="N", help="CPU threads of the network"
+        "--threads", type=positive, default=1, metavar="N", help="CPU threads to compute with"
     )
+
+
+def add_network_options(group: Any) -> None:
+    """What the network computes with."""
     group.add_argument(
         "--float32",
         action="store_true",

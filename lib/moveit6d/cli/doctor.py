@@ -48,6 +48,9 @@ def run(args: argparse.Namespace) -> int:
     """Print the findings; 3 if the default renderer does not run, 2 if the weights do not load."""
     if args.mesh is not None:
         return doctor_mesh.run(args.mesh, args.mesh_unit, args.output)
+    for option in ("mesh_unit", "output"):
+        if getattr(args, option) is not None:
+            raise InputError(f"--{option} needs --mesh, the file that it is about.")
     import torch
 
     from ..networks.inference import is_bfloat16_fast

@@ -286,10 +286,11 @@ def _attention(args: argparse.Namespace) -> Reproduction:
     setting = _setting(args, args.weights)
     policy, renderer = make_tools(setting)
     policies: dict[str, Policy] = {}
-    for path in args.checkpoints:
-        steps = load_network(path).facts.get("steps")
-        policies[path.stem if steps is None else f"{steps} steps"] = load_policy(path)
-    policies["model"] = policy
+    steps = [load_network(path).facts.get("steps") for path in args.checkpoints]
+    names = attention.column_names(list(zip(args.checkpoints, steps, strict=True)))
+    for name, path in zip(names, args.checkpoints, strict=True):
+        policies[name] = load_policy(path, compute=setting.compute)
+    policies[attention.MODEL] = policy
     cases = attention.patches(videos, args.frames or 1, renderer)
     return attention.reproduction(cases, policies, data, _facts(args, setting))
 

@@ -86,7 +86,7 @@ tracks the sequences under the paper's protocol for iterations and milliseconds 
         "where networks of different training look",
         """\
 Crops a few action units away from the truth; one column for each of --checkpoints (weights
-files, named by their steps) and one for the model itself.
+files, named by their steps, and by the file where these are the same) and one for the model itself.
 """,
         "--data laval --output out/look --checkpoints early.safetensors",
     ),

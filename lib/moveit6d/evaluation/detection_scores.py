@@ -13,6 +13,7 @@ import numpy as np
 
 from ..datasets.sequences import Sequence as Video
 from ..datasets.video import Image
+from ..errors import InputError
 from ..estimation import PoseDetector
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
@@ -29,7 +30,8 @@ class DetectedFrame:
     """One frame in which an object was looked for.
 
     `error` is ADD(-S) of the most probable pose in diameters, infinite if there is none;
-    `probability` what the detector gives that pose; `group` what tables group by.
+    `probability` what the detector gives that pose; `group` what tables group by. A frame that
+    could not be read has neither a pose nor a time (`milliseconds` None).
     """
 
     group: str
@@ -37,7 +39,7 @@ class DetectedFrame:
     frame: int
     error: float
     probability: float
-    milliseconds: float
+    milliseconds: float | None
 
     @property
     def right(self) -> bool:
@@ -48,15 +50,24 @@ class DetectedFrame:
 def detect_in_sequence(
     video: Video, frames: Sequence[int], make: MakeDetector
 ) -> Iterator[DetectedFrame]:
-    """Look for a sequence's object in some of its frames, from nothing."""
+    """Look for a sequence's object in those of some frames whose pose is known, from nothing.
+
+    One that cannot be read, or that the video should have and does not, is found nothing in.
+    """
+    wanted = {frame for frame in frames if frame in video.truth}
+    if not wanted:
+        return
     mesh = video.load_mesh()
     surface = EvaluationPoints.of(mesh, symmetric=video.symmetric)
     detector = make(mesh, video.camera)
     detector.prepare()
-    wanted = {frame for frame in frames if frame in video.truth}
+    last = max(wanted)
     for frame in video.open():
+        if frame.index > last:
+            break
         if frame.index not in wanted or frame.image is None:
             continue
+        wanted.discard(frame.index)
         begin = time.perf_counter()
         best = detector.detect(frame.image).best
         spent = (time.perf_counter() - begin) * 1e3
@@ -67,8 +78,10 @@ def detect_in_sequence(
             error = float(add) / surface.diameter
         probability = 0.0 if best is None else best.probability
         yield DetectedFrame(video.level, video.name, frame.index, error, probability, spent)
-        if frame.index >= max(wanted):
-            return
+        if frame.index == last:
+            break
+    for index in sorted(wanted):
+        yield DetectedFrame(video.level, video.name, index, float("inf"), 0.0, None)
 
 
 def detect_in_photos(
@@ -92,17 +105,34 @@ def pretended_camera(photo: Image) -> Camera:
 
 
 def detection_table(frames: Sequence[DetectedFrame], accepted: float) -> str:
-    """A line a group, and one for all, as Markdown."""
+    """A line a group, and one for all, as Markdown, and how many frames could not be read.
+
+    `InputError` if there is no frame that could be read.
+    """
+    if not frames:
+        raise InputError("there is no frame to score; give at least one with a true pose.")
+    unread = sum(one.milliseconds is None for one in frames)
+    if unread == len(frames):
+        raise InputError(
+            f"none of the {unread} frames to score can be read, the first of them frame "
+            f"{frames[0].frame} of {frames[0].name}; give a whole copy of the data."
+        )
     groups: dict[str, list[DetectedFrame]] = {}
     for one in frames:
         groups.setdefault(one.group, []).append(one)
     groups["all"] = list(frames)
     head = ("group", "frames", "ADD(-S) < 10 %", "claimed", "claimed and right", "median ms")
-    return markdown(head, [_line(name, some, accepted) for name, some in groups.items()])
+    table = markdown(head, [_line(name, some, accepted) for name, some in groups.items()])
+    if not unread:
+        return table
+    return (
+        f"{table}\n\n{unread} of {len(frames)} frames could not be read; they count as not found."
+    )
 
 
 def _line(name: str, frames: Sequence[DetectedFrame], accepted: float) -> list[str]:
     claimed = [one for one in frames if one.probability >= accepted]
+    times = [one.milliseconds for one in frames if one.milliseconds is not None]
     right = sum(one.right for one in claimed) / len(claimed) if claimed else float("nan")
     return [
         name,
@@ -110,5 +140,5 @@ def _line(name: str, frames: Sequence[DetectedFrame], accepted: float) -> list[s
         percent(float(np.mean([one.right for one in frames]))),
         percent(len(claimed) / len(frames)),
         percent(right) if claimed else "–",
-        f"{np.median([one.milliseconds for one in frames]):.0f}",
+        f"{np.median(times):.0f}" if times else "–",
     ]

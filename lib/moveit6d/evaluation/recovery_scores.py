@@ -20,29 +20,38 @@ from . import metrics
 from .tables import markdown, percent
 from .track_scores import EvaluationPoints
 
-GONE = (40, 70)  # frames, the first replaced one and the first that is there again
+# Frames are counted from that of the start.
+GONE = (40, 70)  # the first replaced frame and the first that is there again
 PICTURE = 10  # frames that one other picture stays
 SETTLED = 2  # frames after a change that are not scored as lost
 FOUND_FROM = 80  # frame from which the object should have been found again
 WRONG = 0.2  # of the diameter: a pose farther off that is claimed to be tracked is a false claim
 
 
-def cut(frames: Iterable[VideoFrame], photos: Sequence[Image], seed: int) -> Iterator[VideoFrame]:
-    """The frames with those of `GONE` replaced by photos, resized; `InputError` without a photo."""
+def cut(
+    frames: Iterable[VideoFrame], photos: Sequence[Image], seed: int, first: int = 0
+) -> Iterator[VideoFrame]:
+    """The frames with those of `GONE` replaced by photos, resized; `InputError` without a photo.
+
+    `first` is the number of the start's frame.
+    """
     if not photos:
         raise InputError("there is no other picture to cut in; give a folder of readable pictures.")
-    return _cut(frames, photos, seed)
+    return _cut(frames, photos, seed, first)
 
 
-def _cut(frames: Iterable[VideoFrame], photos: Sequence[Image], seed: int) -> Iterator[VideoFrame]:
+def _cut(
+    frames: Iterable[VideoFrame], photos: Sequence[Image], seed: int, first: int
+) -> Iterator[VideoFrame]:
     from PIL import Image as Pillow
 
     choice, photo = random.Random(seed), None
     for frame in frames:
-        if frame.image is None or not GONE[0] <= frame.index < GONE[1]:
+        number = frame.index - first
+        if frame.image is None or not GONE[0] <= number < GONE[1]:
             yield frame
             continue
-        if photo is None or frame.index % PICTURE == 0:
+        if photo is None or number % PICTURE == 0:
             height, width = frame.image.shape[:2]
             picked = Pillow.fromarray(choice.choice(photos)).resize((width, height))
             photo = np.array(picked)
@@ -73,19 +82,23 @@ class RecoveryScore:
 
 
 def score_recovery(
-    rows: Mapping[int, PoseRow], truth: Mapping[int, Pose], surface: EvaluationPoints
+    rows: Mapping[int, PoseRow],
+    truth: Mapping[int, Pose],
+    surface: EvaluationPoints,
+    first: int = 0,
 ) -> RecoveryScore:
-    """Count the frames of one cut track; the first frame does not count."""
+    """Count the frames of one cut track; that of the start, `first`, does not count."""
     found, lost, claims, tracked = ([0, 0] for _ in range(4))
     for frame, row in rows.items():
         error = float("inf")
         if row.pose is not None and frame in truth:
             add = metrics.add_s(row.pose, truth[frame], surface.points, surface.symmetric)
             error = float(add) / surface.diameter
-        away = GONE[0] + SETTLED <= frame < GONE[1]
-        there = 0 < frame < GONE[0] or frame >= GONE[1]
+        number = frame - first
+        away = GONE[0] + SETTLED <= number < GONE[1]
+        there = 0 < number < GONE[0] or number >= GONE[1]
         claimed, good = row.state == "tracking", there and error < metrics.ADD_LIMIT
-        _count(found, frame >= FOUND_FROM, error < metrics.ADD_LIMIT)
+        _count(found, number >= FOUND_FROM, error < metrics.ADD_LIMIT)
         _count(lost, away, row.state == "lost")
         _count(claims, claimed, away or (there and error > WRONG))
         _count(tracked, good, claimed)

@@ -24,6 +24,7 @@ from .run_tracker import TrackedFrame, calibrating
 from .track_scores import read_track
 
 if TYPE_CHECKING:
+    from ..estimation import PoseTracker, TrackingResult
     from ..policies import Policy
     from ..rendering.renderer import Renderer
 
@@ -106,7 +107,7 @@ class TrackStore:
         if not (table.exists() and mark.exists()):
             return None
         same = read_json(mark).get("settings") == dict(job.settings)
-        return read_track(table) if same else None
+        return read_track(table, job.sequence.load_mesh) if same else None
 
     def begin(self, job: TrackJob) -> None:
         """Take the mark away: an older one must not vouch for half of a new track."""
@@ -165,11 +166,13 @@ def run_all(
         yield Finished(job, result.result, result.error)
 
 
-def track(job: TrackJob, policy: Policy, renderer: Renderer) -> Iterator[TrackedFrame]:
-    """Track one sequence from its start pose: one result for each frame after the first.
+def tracker_and_frames(
+    job: TrackJob, policy: Policy, renderer: Renderer
+) -> tuple[PoseTracker[TrackingResult], Iterable[VideoFrame]]:
+    """A tracker at a sequence's start pose, and the frames from that of the start on.
 
-    The first frame's pose is given and exact: the tracker may calibrate from that frame, and does
-    not follow it.
+    The start pose is exact: as the first frame is read, the tracker calibrates from it if the
+    job's `config` says so.
     """
     from ..estimation import PoseTracker
 
@@ -186,9 +189,19 @@ def track(job: TrackJob, policy: Policy, renderer: Renderer) -> Iterator[Tracked
     frames: Iterable[VideoFrame] = (f for f in sequence.open() if f.index >= sequence.first)
     if job.config.calibration.enabled:
         frames = calibrating(tracker, frames)
-    later = (frame for frame in frames if frame.index > sequence.first)
+    return tracker, frames
+
+
+def track(job: TrackJob, policy: Policy, renderer: Renderer) -> Iterator[TrackedFrame]:
+    """Track one sequence from its start pose: one result for each frame after the first.
+
+    The first frame's pose is given: the tracker may calibrate from that frame, and does not
+    follow it.
+    """
+    tracker, frames = tracker_and_frames(job, policy, renderer)
+    later = (frame for frame in frames if frame.index > job.sequence.first)
     wanted = later if job.frames is None else itertools.islice(later, job.frames)
-    yield from follow_protocol(tracker, wanted, sequence.truth, job.protocol)
+    yield from follow_protocol(tracker, wanted, job.sequence.truth, job.protocol)
 
 
 def gather(

@@ -103,6 +103,25 @@ class Lens:
         found = module.undistortPoints(points, matrix, lens, R=None, P=matrix, criteria=ends)
         return np.asarray(found, np.float64).reshape(-1, 2)
 
+    def directions(self, pixels: Float64, matrix: Float64) -> Float64:
+        """Unit vectors (N, 3) towards what the lens shows at pixels (N, 2), for K (3, 3).
+
+        A fisheye's may point to the side and back, where no plane before the camera shows them.
+        """
+        pixels = np.array(pixels, np.float64).reshape(-1, 2)
+        if self.model == "fisheye":
+            # OpenCV takes every pixel farther out than 90 degrees would be for one at 90 degrees.
+            y = (pixels[:, 1] - matrix[1, 2]) / matrix[1, 1]
+            x = (pixels[:, 0] - skewed(pixels[:, 1], matrix) - matrix[0, 2]) / matrix[0, 0]
+            radius = np.hypot(x, y)
+            angle, shown = _shown_angles(self.coefficients)
+            found = np.interp(radius, shown, angle)
+            aside = np.sin(found) / np.maximum(radius, 1e-12)
+            return np.column_stack([aside * x, aside * y, np.cos(found)])
+        flat = self.undistort(pixels, matrix)
+        rays = np.column_stack([flat, np.ones(len(flat))]) @ np.linalg.inv(matrix).T
+        return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+
     def patch_map(
         self, rotation: Float64, virtual: Float64, matrix: Float64, size: int
     ) -> tuple[Float32, Float32]:
@@ -204,6 +223,15 @@ def _radii(lens: Lens) -> tuple[Float64, Float64, bool]:
     turns = np.flatnonzero(shown[1:] <= shown[:-1])
     end = int(turns[0]) + 1 if len(turns) else len(tangent)
     return tangent[:end], shown[:end], bool(len(turns))
+
+
+def _shown_angles(coefficients: tuple[float, ...]) -> tuple[Float64, Float64]:
+    """Angles (N,) to a fisheye's axis, where it shows them, as radii (N,) that grow."""
+    angle = np.linspace(0.0, math.pi, 20_001)
+    shown = angle * _polynomial(angle**2, coefficients)
+    turns = np.flatnonzero(shown[1:] <= shown[:-1])
+    end = int(turns[0]) + 1 if len(turns) else len(angle)
+    return angle[:end], shown[:end]
 
 
 @lru_cache(maxsize=2)  # a 4K camera's take 50 MB

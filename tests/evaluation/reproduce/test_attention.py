@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 import torch
 
@@ -28,6 +30,16 @@ class Looking:
         attention[..., :8] = 1
         zero = torch.zeros(len(seen), 6)
         return PolicyOutput(torch.zeros(len(seen), 13), zero, torch.ones(len(seen)), attention)
+
+
+def test_columns_have_names_of_their_own() -> None:
+    files = [("a/early", 100), ("a/late", 200), ("b/early", 200), ("b/model", None)]
+    files += [("a/own", None), ("b/own", None), ("c/early", 200)]
+    found = attention.column_names([(Path(f"{name}.safetensors"), steps) for name, steps in files])
+    assert found == [
+        "100 steps", "200 steps (late)", "200 steps (early)", "model 2", "own", "own 2",
+        "200 steps (early) 2",
+    ]  # fmt: skip
 
 
 def test_attention_is_measured_on_the_object_and_beside_it(video: Sequence) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -26,6 +27,7 @@ from . import published_figures as published
 from .convergence import Plan, frames_of
 from .reproduction import Cell, Reproduction, Table
 
+MODEL = "model"  # name of the column of the model itself
 OFFSET = (6.0, -4.0, 3.0, 4.0, -5.0, 6.0)  # the start's delta from the truth, action units
 
 
@@ -36,6 +38,28 @@ class Patch:
     name: str
     seen: Observation
     state: LoopState
+
+
+def column_names(checkpoints: Sequence[tuple[Path, object]]) -> list[str]:
+    """A name for each weights file with its steps (None: not known), all of them different.
+
+    Its steps, else its name; its name too where others have the same; and a number where that
+    does not tell them apart either.
+
+    >>> column_names([(Path("cup.pt"), 9), (Path("can.pt"), 9), (Path("can.pt"), 5)])
+    ['9 steps (cup)', '9 steps (can)', '5 steps']
+    """
+    short = [path.stem if steps is None else f"{steps} steps" for path, steps in checkpoints]
+    found: list[str] = []
+    for (path, _), name in zip(checkpoints, short, strict=True):
+        if short.count(name) > 1 and name != path.stem:
+            name = f"{name} ({path.stem})"
+        number, wanted = 1, name
+        while name in (*found, MODEL):
+            number += 1
+            name = f"{wanted} {number}"
+        found.append(name)
+    return found
 
 
 def patches(videos: Sequence[Video], frames: int, renderer: Renderer) -> list[Patch]:
