@@ -1,6 +1,6 @@
 """Fits `VerificationConfig`, `StateConfig` and `SingleImageConfig`: how likely a pose is right.
 
-    python tools/fit_probabilities.py --meshes MESHES --photos PHOTOS [--weights FILE]
+    python -m tools.fit_probabilities --meshes MESHES --photos PHOTOS [--weights FILE]
         [--calibrated FILE] [--jobs 2]
 
 On synthetic pictures and sequences of training meshes that were held out (by the rule of
@@ -34,20 +34,21 @@ from moveit6d.estimation.estimator import refine_single
 from moveit6d.estimation.final_confidence import search_confidences
 from moveit6d.estimation.results import Refined, Target, TrackingResult, starts_of
 from moveit6d.estimation.states import log_odds
-from moveit6d.evaluation.metrics import ADD_LIMIT, add_s, auroc
+from moveit6d.evaluation.metrics import ADD_LIMIT, auroc
 from moveit6d.evaluation.metrics.calibration import reliability
 from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.weights_file import load_network, save_network
 from moveit6d.parallel import run_jobs
 from moveit6d.policies import SHIPPED_WEIGHTS, NetworkPolicy
 from moveit6d.rendering.renderer import Renderer
-from moveit6d.synthesis.objects.reshape import reshaped
 from moveit6d.synthesis.sequences.sequence import Scene
 from moveit6d.synthesis.single_images import make_cases
 from moveit6d.synthesis.training.clusters import ClusterConfig, draw_delta
+from tools.scenes import of_size, relative_error, spoilt, spoilt_picture, table
 
 DIFFICULTIES = ("occ", "fast", "hard")
 TABLETOP = "easy"  # with other objects around the first one, which touch and hide it
+POOR = 0.5  # share of the pictures of tables that are spoilt
 PHOTOS = 150  # read at most
 FRAMES = 44  # of a sequence
 GONE = range(16, 30)  # those that are other pictures
@@ -98,16 +99,20 @@ def main() -> None:
         for number, path in enumerate(paths)
     ]  # fmt: skip
     done = sorted(run_jobs(examples_of, tasks, jobs=args.jobs), key=lambda job: job.index)
+    for job in done:
+        if job.result is None:
+            print(f"{tasks[job.index].mesh.name} teaches nothing: {job.error}")
     gathered = [job.result for job in done if job.result is not None]
-    found, followed, refined = (
-        [one for result in gathered for one in result[kind]] for kind in range(3)
+    found, followed, refined, present = (
+        [one for result in gathered for one in result[kind]] for kind in range(4)
     )
     if args.calibrated is not None:
         line = platt([*(one for one in followed if np.isfinite(one.error)), *refined])
         write_calibrated(args.weights or SHIPPED_WEIGHTS, line, args.calibrated)
         found, followed = calibrated(found, line), calibrated(followed, line)
-        refined = calibrated(refined, line)
-    report("VerificationConfig", ("confidence", "similarity"), in_log_odds(found))
+        refined, present = calibrated(refined, line), calibrated(present, line)
+    weights = report("VerificationConfig", ("confidence", "similarity"), in_log_odds(found))
+    report_present(weights, in_log_odds(present))
     report("StateConfig", ("confidence", "agreement"), followed)
     both = [replace(one, evidence=tuple(map(log_odds, one.evidence))) for one in refined]
     report("SingleImageConfig", ("confidence", "search_confidence"), both)
@@ -129,11 +134,13 @@ class Task:
     pictures: int
 
 
-def examples_of(task: Task) -> tuple[list[Example], list[Example], list[Example]]:
-    """Examples of one mesh: of detections, of tracks, of refinements."""
+def examples_of(
+    task: Task,
+) -> tuple[list[Example], list[Example], list[Example], list[Example]]:
+    """Examples of one mesh: of detections, tracks, refinements, and detections of what is there."""
     torch.set_num_threads(1)
-    meshes = [Mesh.load(path) for path in (task.mesh, task.other)]
-    beside = [of_size(Mesh.load(path), meshes[0].diameter) for path in task.beside]
+    meshes = [Mesh.load(path, allow_flat=True) for path in (task.mesh, task.other)]
+    beside = [of_size(Mesh.load(path, allow_flat=True), meshes[0].diameter) for path in task.beside]
     found = [frame.image for frame in open_frames(task.photos / "*") if frame.image is not None]
     photos = found[:: max(1, len(found) // PHOTOS)]
     policy = load_policy(task.weights)
@@ -141,6 +148,7 @@ def examples_of(task: Task) -> tuple[list[Example], list[Example], list[Example]
         list(candidates(meshes, beside, photos, policy, task.pictures, task.seed)),
         list(tracked_frames(meshes[0], photos, policy, task.seed)),
         list(refinements(meshes[0], beside, photos, policy, task.seed)),
+        list(present_ones((task.mesh, task.other, *task.beside), photos, policy, task.seed)),
     )
 
 
@@ -270,9 +278,22 @@ def candidates(
                     yield Example(values, error if wanted is mesh else np.inf, wanted.name)
 
 
-def of_size(mesh: Mesh, diameter: float) -> Mesh:
-    """The mesh, scaled to a diameter."""
-    return reshaped(mesh, mesh.vertices * (diameter / mesh.diameter))
+def present_ones(
+    paths: Sequence[Path], photos: Sequence[NDArray[np.uint8]], policy: NetworkPolicy, seed: int
+) -> Iterator[Example]:
+    """The best pose of each search for an object of a table that is small in a photograph."""
+    renderer, rng = make_renderer(), np.random.default_rng([seed, 0])
+    image, camera, targets = table(rng, paths, photos)
+    spoil = rng.random() < POOR
+    if spoil:
+        image = spoilt_picture(rng, image)
+    for target in targets:
+        mesh = spoilt(rng, target.mesh) if spoil else target.mesh
+        best = PoseDetector(mesh, camera, policy=policy, renderer=renderer).detect(image).best
+        if best is not None and best.evidence is not None:
+            error = relative_error(mesh, best.pose, target.truth)
+            values = best.evidence.confidence, best.evidence.similarity
+            yield Example(values, error, target.mesh.name)
 
 
 def tracked_frames(
@@ -303,14 +324,8 @@ def tracked_frames(
             yield Example((result.confidence, result.contour_agreement), error, mesh.name)
 
 
-def relative_error(mesh: Mesh, found: Pose, true: Pose) -> float:
-    """ADD in diameters."""
-    points = torch.from_numpy(mesh.sample_points(500))
-    return float(add_s(found, true, points, False)) / mesh.diameter
-
-
-def report(name: str, names: Sequence[str], examples: Sequence[Example]) -> None:
-    """Print the weights, and how well those fitted without a mesh do on it."""
+def report(name: str, names: Sequence[str], examples: Sequence[Example]) -> NDArray[np.float64]:
+    """The weights, printed with how well those fitted without a mesh do on it."""
     examples = [one for one in examples if not one.borderline]  # they teach nothing
     values = np.array([one.evidence for one in examples])
     right = np.array([one.right for one in examples])
@@ -321,14 +336,43 @@ def report(name: str, names: Sequence[str], examples: Sequence[Example]) -> None
         chance[owner == mesh] = probability(weights, values[owner == mesh])
     area = auroc(torch.from_numpy(chance), torch.from_numpy(right))
     surprise = -np.log(np.where(right, chance, 1 - chance).clip(1e-9)).mean()
+    weights = fit(values, right)
     fitted = ", ".join(
-        f"{part} {value:.2f}"
-        for part, value in zip([*names, "intercept"], fit(values, right), strict=True)
+        f"{part} {value:.2f}" for part, value in zip([*names, "intercept"], weights, strict=True)
     )
     print(
         f"{name}: {fitted} ({len(examples)} poses, {right.mean():.0%} right, AUROC {area:.3f}, "
         f"log loss {surprise:.4f})"
     )
+    return weights
+
+
+def report_present(weights: NDArray[np.float64], examples: Sequence[Example]) -> None:
+    """Print by how much the log odds of the weights (K + 1,) are to be raised for the examples."""
+    values = np.array([one.evidence for one in examples])
+    right = np.array([one.right for one in examples])
+    more = shift(weights, values, right)
+    raised = np.append(weights[:-1], weights[-1] + more)
+    before, after = (
+        reliability(torch.from_numpy(probability(some, values)), torch.from_numpy(right))
+        for some in (weights, raised)
+    )
+    print(
+        f"VerificationConfig: present {more:.2f} ({len(right)} searches, {right.mean():.0%} right, "
+        f"expected calibration error {before.calibration_error:.3f} before, "
+        f"{after.calibration_error:.3f} after)"
+    )
+
+
+def shift(
+    weights: NDArray[np.float64], values: NDArray[np.float64], right: NDArray[np.bool_]
+) -> float:
+    """What to add to the intercept so that so many of the values (N, K) are right."""
+    more = 0.0
+    for _ in range(50):  # Newton's method
+        chance = probability(np.append(weights[:-1], weights[-1] + more), values)
+        more -= (chance - right).sum() / (chance * (1 - chance)).sum()
+    return float(more)
 
 
 def fit(values: NDArray[np.float64], right: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -65,7 +65,11 @@ def main() -> None:
     assert isinstance(network, CompactCorrelationNet), "only a compact network is fitted"
     plain = without_search_head(network)
     meshes, photos = sources(args.meshes, args.photos)
-    facts = {"network": digest(plain), "meshes": len(meshes), "photos": len(photos)}
+    facts = {
+        "network": digest(plain),
+        "meshes": digest_of_files(meshes),
+        "photos": digest_of_files(photos),
+    }
     claim(args.outcomes, facts)
     gather(tasks(meshes, photos, args.weights, args.pictures), args.outcomes, args.jobs)
     known = gathered(args.outcomes, args.pictures)
@@ -96,6 +100,12 @@ def digest(network: CompactCorrelationNet) -> str:
         found.update(name.encode())
         found.update(value.contiguous().reshape(-1).view(torch.uint8).numpy().tobytes())
     return found.hexdigest()
+
+
+def digest_of_files(paths: Sequence[Path]) -> str:
+    """SHA-256 of the names and sizes of files."""
+    facts = [(path.name, path.stat().st_size) for path in paths]
+    return hashlib.sha256(repr(facts).encode()).hexdigest()
 
 
 def claim(folder: Path, facts: Mapping[str, Any]) -> None:

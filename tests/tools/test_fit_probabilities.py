@@ -102,3 +102,16 @@ def test_both_confidences_of_single_images_are_asked(tool: Any, brick: Mesh) -> 
     torch.nn.init.constant_(headed.search_head[-1].bias, 2.0)
     said = tool.said_for_searches(target, result, NetworkPolicy(headed), renderer)
     assert said == pytest.approx(1 / (1 + np.exp(-2.0)), abs=1e-3)
+
+
+def test_what_is_known_to_be_there_raises_all_log_odds_alike(tool: Any, capsys: Any) -> None:
+    random = np.random.default_rng(0)
+    values, weights = random.random((20000, 2)), np.array([3.0, 2.0, -4.0])
+    right = random.random(len(values)) < tool.probability(weights + [0, 0, 1.5], values)
+    assert tool.shift(weights, values, right) == pytest.approx(1.5, abs=0.1)
+    examples = [
+        tool.Example(tuple(row), 0.05 if one else 0.3, "x")
+        for row, one in zip(values.tolist(), right.tolist(), strict=True)
+    ]
+    tool.report_present(weights, examples)
+    assert "present 1.5" in capsys.readouterr().out

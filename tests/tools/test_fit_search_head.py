@@ -110,3 +110,14 @@ def test_a_network_is_known_by_what_makes_the_outcomes() -> None:
     with torch.no_grad():
         next(plain.parameters()).flatten()[0] += 1e-3
     assert fit_search_head.digest(plain) != known
+
+
+def test_other_files_are_other_outcomes(tmp_path: Path) -> None:
+    paths = [tmp_path / name for name in ("a.glb", "b.glb")]
+    for path in paths:
+        path.write_bytes(b"12")
+    digest_of_files = fit_search_head.digest_of_files
+    known = digest_of_files(paths)
+    assert known == digest_of_files(list(paths)) != digest_of_files(paths[:1])
+    paths[1].write_bytes(b"123")
+    assert known != digest_of_files(paths)

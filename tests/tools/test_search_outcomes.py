@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d import Camera, Mesh, Pose, load_policy, make_renderer
+from moveit6d import Mesh, Pose, load_policy, make_renderer
 from moveit6d.frame import prepare_frame
 from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.weights_file import load_network
@@ -22,7 +22,6 @@ from tools.search_outcomes import (
     _refined,
     candidates,
     near_starts,
-    within_photo,
 )
 
 TRUTH = Pose(torch.eye(3).double(), torch.tensor([0.02, -0.01, 0.5], dtype=torch.float64))
@@ -52,21 +51,6 @@ def test_a_recorder_answers_as_the_policy_and_keeps_what_the_confidence_was_told
     told = torch.stack([features for _, features, _ in recorder.seen]).float()
     said = torch.sigmoid(plain.confidence_head(told)[:, 0])
     torch.testing.assert_close(said, mine.confidence, atol=0.01, rtol=0.01)
-
-
-def test_a_picture_within_a_photograph_is_where_its_camera_sees_it() -> None:
-    camera = Camera(300.0, 310.0, 150.0, 130.0, 320, 240)
-    point = torch.tensor([0.05, -0.03, 0.6], dtype=torch.float64)
-    u, v = (round(x) for x in camera.project(point).tolist())
-    image = np.zeros((240, 320, 3), np.uint8)
-    image[v - 3 : v + 4, u - 3 : u + 4] = 255
-    photo = np.zeros((100, 100, 3), np.uint8)
-    for seed in range(5):
-        placed, there = within_photo(np.random.default_rng(seed), image, camera, photo)
-        assert placed.shape == image.shape
-        rows, columns = np.nonzero(placed[..., 0] > 127)
-        expected = there.project(point).tolist()
-        assert expected == pytest.approx([columns.mean(), rows.mean()], abs=0.7)
 
 
 def test_loops_from_near_end_right_and_those_of_another_place_do_not(

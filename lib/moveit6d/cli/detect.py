@@ -38,7 +38,8 @@ files written to --output:
   overlay.png   outline and axes drawn on the image; for several images overlay/NAME.png
   detection.json  probabilities, what speaks for the poses, versions
 
-with --dataset, --split and --targets, --output is a BOP result file with a pose for every target.
+with --dataset, --split and --targets, --output is a BOP result file with a pose for every target;
+its score is the probability that the pose is right, given that the object is in the image.
 With --boxes it looks into those only, the best ones of each target. An image that cannot be used is
 named and has no pose.
 Several images and data sets: what is found is on disk at once, and --resume goes on with a run that

@@ -187,7 +187,8 @@ def detect_image(
     """The poses of an image's targets, found or not: BOP counts recall and orders by score.
 
     A target without an object, as in BOP's detection tasks, stands for every object of the models.
-    With `boxes` nothing is looked for outside of them.
+    With `boxes` nothing is looked for outside of them. The score is the probability that the pose
+    is right, of a target with an object given that it is in the image.
     """
     from ..datasets.bop import Estimate
     from ..estimation import PoseDetector
@@ -220,11 +221,14 @@ def detect_image(
         [region for *_, region in searches],
     )
     seconds = time.perf_counter() - begin
-    return [
-        Estimate(scene, image, number, one.probability, one.pose, seconds)
-        for (number, count, _), detection in zip(searches, detections, strict=True)
-        for one in (*detection.instances, *detection.rejected)[:count]
-    ]
+    present = {target.object for target in targets}
+    found = []
+    for (number, count, _), detection in zip(searches, detections, strict=True):
+        for one in (*detection.instances, *detection.rejected)[:count]:
+            if number in present:
+                one = one.known_present(config.detection.verification)
+            found.append(Estimate(scene, image, number, one.probability, one.pose, seconds))
+    return found
 
 
 def _searches(

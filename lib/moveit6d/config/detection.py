@@ -62,7 +62,8 @@ class MatchConfig:
             shares of the image's shorter side.
         step: ratio of one width to the next.
         places: how many places are looked into, thinned so that no two of them are the same.
-        more_places: how many more, in single images, where no pose at the first ones is accepted.
+        more_places: how many more, in single images, where no pose at the first ones is accepted:
+            those where a half of the object stands out, as the other half may be hidden.
         views: rotations that are kept of each place at most.
         visible: share of the object over which a view is compared with the image, where it agrees
             best; the rest may be hidden.
@@ -186,11 +187,14 @@ class VerificationConfig:
             the refinement.
         similarity: weight of the mean cosine of descriptors, image against rendering.
         intercept: intercept of the regression.
+        present: log odds more where the object is known to be in the image, as the targets of a
+            data set are; the other weights count with objects that are not there.
     """
 
     confidence: float = 1.07
     similarity: float = 3.91
     intercept: float = -3.39
+    present: float = 1.0
 
 
 @dataclass(frozen=True)

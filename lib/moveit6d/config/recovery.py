@@ -67,9 +67,9 @@ class SecondLookConfig:
     all sides, mostly finds the right one, and the network is more confident there.
 
     Args:
-        below: confidence below which such a search is made; 0 never.
+        below: confidence below which such a search is made; 0 none of these.
         after_found: so many such searches are made of an object that was lost and found, however
-            confident: what is found in a bad picture may be turned.
+            confident: what is found in a bad picture may be turned. 0 none.
         interval: frames from one such search to the next at least; half of that after the object
             was found.
         evidence: by how much the log odds of the confidence must be larger at the pose that it

@@ -28,8 +28,9 @@ def search_lost_targets(
     """The most probable poses of objects of which no target of one image could be refined.
 
     `results` are those of `refine_single`; keys are indices of `targets`. Found as `PoseDetector`
-    does, accepted or not: `confidence` is the probability that the pose is right. Empty for a
-    policy that cannot search, in mode single, and with `recovery` off.
+    does, accepted or not: `confidence` is the probability that the pose is right, given that the
+    object is in the image. Empty for a policy that cannot search, in mode single, and with
+    `recovery` off.
 
     Example:
         >>> import numpy as np
@@ -65,7 +66,7 @@ def search_lost_targets(
     frame = prepare_frame(first.image, first.camera)
     detections = detect_objects(detectors, frame, [len(rows) for rows in lost])
     return {
-        row: found.result
+        row: found.known_present(config.detection.verification).result
         for rows, detection in zip(lost, detections, strict=True)
         for row, found in zip(rows, (*detection.instances, *detection.rejected), strict=False)
     }

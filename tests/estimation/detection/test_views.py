@@ -13,7 +13,16 @@ from torch.nn import functional
 from moveit6d import InputError
 from moveit6d.config import MatchConfig
 from moveit6d.estimation.detection import PoseDetector
-from moveit6d.estimation.detection.places import Place, PlaceFinder, spread_of
+from moveit6d.estimation.detection.places import (
+    HALVES,
+    WHOLE,
+    Part,
+    Place,
+    PlaceFinder,
+    _correlation,
+    _part_of,
+    spread_of,
+)
 from moveit6d.estimation.detection.pyramid import Level, ladder
 from moveit6d.estimation.detection.templates import Templates
 from moveit6d.estimation.detection.views import ViewMatcher, best_candidates, seen_mean
@@ -55,22 +64,62 @@ def test_the_object_is_among_the_candidates(seen: Picture, detector: PoseDetecto
     assert len(best_candidates([], 3)) == 0
 
 
-def test_small_objects_are_not_found_by_chance() -> None:
-    """In noise the many places of a small object are no better than the few of a large one."""
-    random = torch.Generator().manual_seed(0)
+def noise_templates(random: torch.Generator) -> Templates:
     count, channels, cells = 150, 32, 8
     kernels = torch.randn(count, channels, cells, cells, generator=random)
     kernels = torch.cat([kernels, torch.zeros(count, 3, cells, cells)], 1)
     shares, basis = torch.full((count, cells, cells), 1 / cells**2), torch.eye(channels)
     turns, boxes = torch.eye(3).expand(count, 3, 3), torch.zeros(count, 4)
-    templates = Templates(turns, kernels / cells**2, shares, basis, boxes)
+    return Templates(turns, kernels / cells**2, shares, basis, boxes)
+
+
+def noise_level(width: float, rows: int, columns: int, random: torch.Generator) -> Level:
+    noise = torch.randn(32, rows, columns, generator=random)
+    features, colours = functional.normalize(noise, dim=0), torch.zeros(3, rows, columns)
+    return Level(width, 64 / width, 0.0, 0.0, features, colours)
+
+
+def test_small_objects_are_not_found_by_chance() -> None:
+    """In noise the many places of a small object are no better than the few of a large one."""
+    random = torch.Generator().manual_seed(0)
+    templates = noise_templates(random)
     finder = PlaceFinder(templates, replace(MatchConfig(), places=20), 0.0)
     for width, rows, columns in ((64.0, 60, 80), (256.0, 15, 20)):
-        noise = torch.randn(channels, rows, columns, generator=random)
-        features, colours = functional.normalize(noise, dim=0), torch.zeros(3, rows, columns)
-        finder.add(Level(width, 64 / width, 0.0, 0.0, features, colours))
+        finder.add(noise_level(width, rows, columns, random))
     wide = sum(place.width > 100 for place in finder.places(20))
     assert 4 <= wide <= 16
+
+
+@pytest.mark.parametrize("rows, columns", [((0, 4), (0, 8)), ((4, 8), (0, 8)), ((0, 8), (4, 8))])
+def test_a_half_stands_out_more_than_the_whole_where_the_other_half_is_hidden(
+    rows: tuple[int, int], columns: tuple[int, int]
+) -> None:
+    random = torch.Generator().manual_seed(1)
+    templates, level = noise_templates(random), noise_level(64.0, 60, 80, random)
+    part = (slice(*rows), slice(*columns))
+    shown = functional.normalize(templates.kernels[7, :32], dim=0)[:, *part]
+    level.features[:, 30:38, 50:58][:, *part] += 0.7 * shown
+    finders = [PlaceFinder(templates, MatchConfig(), 0.0, parts) for parts in (WHOLE, HALVES)]
+    for finder in finders:
+        finder.add(level)
+    whole, half = (finder.places(1)[0] for finder in finders)
+    assert half.score > whole.score + 1
+    assert math.dist(half.pixel, level.pixel(53.5, 33.5)) < 1
+    assert all(not one.same(half, MatchConfig()) for one in finders[1].places(5, [half]))
+
+
+@pytest.mark.parametrize("part", [*WHOLE, *HALVES])
+def test_a_part_cut_out_scores_as_with_zeros_around_it(part: Part) -> None:
+    random = torch.Generator().manual_seed(2)
+    for k in (8, 9):
+        kernels = torch.randn(5, 3, k, k, generator=random)
+        maps = torch.randn(1, 3, 20, 30, generator=random)
+        cut = _part_of(kernels, part)
+        torch.testing.assert_close(
+            _correlation(maps, cut, k), functional.conv2d(maps, cut.whole)[0], atol=1e-4, rtol=1e-4
+        )
+        row, column = (round(edge * k) for edge in (part[0], part[2]))
+        assert (cut.whole[..., row, column] == kernels[..., row, column]).all()
 
 
 def test_places_are_apart() -> None:
@@ -110,7 +159,7 @@ def test_a_hidden_part_does_not_count() -> None:
 def test_spread_is_never_next_to_nothing(detector: PoseDetector) -> None:
     templates = detector.prepare().coarse
     windows = torch.randn(50, templates.rows.shape[1], generator=torch.Generator().manual_seed(0))
-    mean, deviation = spread_of(windows, templates, 0.2)
+    mean, deviation = spread_of(windows, templates.rows, 0.2)
     scores = windows @ templates.rows.T
     torch.testing.assert_close(mean, scores.mean(0))
     assert (deviation >= scores.std(0)).all() and (deviation >= 0.2 * deviation.mean() - 1e-6).all()

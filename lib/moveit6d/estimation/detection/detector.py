@@ -32,14 +32,14 @@ from ..seeding import seed_poses
 from ..visibility import check_start, start_problem
 from .found import Detection, FoundPose
 from .instances import first_of_instances, is_same_instance
-from .places import Place, PlaceFinder
 from .points import check_points, poses_from_points
-from .pyramid import Pyramid, ladder
+from .proposals import Proposals
+from .pyramid import Pyramid
 from .region import SearchRegion
 from .steps import Steps, finish
-from .templates import TemplateBank, Templates, TemplateStore
+from .templates import TemplateBank, TemplateStore
 from .verification import Evidence, similarities
-from .views import Allowed, Candidates, ViewMatcher, best_candidates
+from .views import Candidates
 
 # Iterations in a step, of loops that run side by side. Few, because a search under a time limit
 # goes on step by step.
@@ -185,75 +185,42 @@ class PoseDetector:
         """
         frame = prepare_frame(image, self.camera).undistorted
         known = region or SearchRegion()
-        found = Detection(())
         poses = [self.mesh.inner(pose.to(torch.float64)) for pose in given]
         poses = [pose for pose in poses if self._in_sight(pose, frame.camera)]
-        anywhere = known.bounds is None
-        stages = self.config.stages if anywhere else self.config.region.stages
-        rounds: list[list[Place]] = [[]]
+        stages = self.config.stages if known.bounds is None else self.config.region.stages
+        count, proposals = stages[0][0] * instances, None
         if search:
-            levels = self.pyramid_of(frame) if pyramid is None else pyramid
-            count, more = self.config.match.places, self.config.match.more_places
-            wanted = count if most is not None else count + more
-            places = yield from self._places(frame, known, levels, wanted)
-            bank = self.prepare().fine
-            matcher = ViewMatcher(bank, levels, self.config.match)
-            allowed = self._allowed(frame.camera, known, bank)
-            rounds = [places[:count], *filter(None, [places[count:]])]
-        results: list[FoundPose] = []
-        for some in rounds:
-            views = []
-            for place in some:
-                yield
-                views.append(matcher.views(place, allowed))
-            candidates = best_candidates(views, stages[0][0] * instances)
-            poses = [*poses, *self._poses(candidates, frame.camera)][:most]
-            refined = yield from self._tournament(frame, poses, stages, instances, known.taken)
-            results += self._verified(frame, refined)
+            proposals = Proposals(
+                self.mesh, frame.camera, self.prepare(),
+                self.pyramid_of(frame) if pyramid is None else pyramid, known, self.config,
+            )  # fmt: skip
             yield
-            found = self._answer(results, instances)
-            if len(found.instances) >= instances:
-                break
-            poses = []
+            poses += self._poses((yield from proposals.first(count)), frame.camera)
+        looked_at = yield from self._looked_at(frame, poses[:most], stages, instances, known.taken)
+        found = self._answer(looked_at, instances)
+        if proposals is None or most is not None or len(found.instances) >= instances:
+            return found
+        poses = self._poses((yield from proposals.half_hidden(count)), frame.camera)
+        looked_at += yield from self._looked_at(frame, poses, stages, instances, known.taken)
+        return self._answer(looked_at, instances)
+
+    def _looked_at(
+        self,
+        frame: Frame,
+        poses: Sequence[Pose],
+        stages: Sequence[tuple[int, int]],
+        instances: int,
+        taken: Sequence[Pose],
+    ) -> Generator[None, None, list[FoundPose]]:
+        """Where the best of centred poses lead, and how likely that is right."""
+        refined = yield from self._tournament(frame, poses, stages, instances, taken)
+        found = self._verified(frame, refined)
+        yield
         return found
 
     def pyramid_of(self, frame: Frame) -> Pyramid:
         """The frame at all scales, without its lens, described by this detector's policy."""
         return Pyramid(frame.undistorted, self.policy.descriptors, self.config.templates)
-
-    def _places(
-        self, frame: Frame, region: SearchRegion, pyramid: Pyramid, count: int
-    ) -> Generator[None, None, list[Place]]:
-        """Where in the image the object may be, the likeliest first, `count` places at most."""
-        bank, config = self.prepare(), self.config.match
-        yield
-        narrowing = self.config.region
-        low, high = region.widths(self.mesh, frame.camera, config.widths, narrowing)
-        finder = PlaceFinder(bank.coarse, config, self.config.templates.colour)
-        window = region.window(self.mesh, frame.camera, high, narrowing)
-        if window is not None:
-            finest = self.config.templates.coarse_width / narrowing.background_scale
-            background = max(0.5 * (low + high), finest)
-            finder.add(pyramid.level(background), background_only=True)
-            yield
-        for width in ladder(low, high, config.step):
-            finder.add(pyramid.level(width, window))
-            yield
-        places = finder.places(count)
-        yield
-        return places
-
-    def _allowed(
-        self, camera: Camera, region: SearchRegion, templates: Templates
-    ) -> Allowed | None:
-        """Which candidates agree with what is known; None: all."""
-        if region.empty:
-            return None
-        config = self.config
-        return lambda pixels, widths, views: region.allows(
-            self.mesh, camera, pixels, widths, templates.boxes[views], config.region,
-            config.same_instance,
-        )  # fmt: skip
 
     def _in_sight(self, centred: Pose, camera: Camera) -> bool:
         return start_problem(centred, self.mesh, camera) is None

@@ -5,8 +5,9 @@ Never searches.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from ...config import VerificationConfig
 from ...geometry.pose import Pose
 from ..results import TrackingResult
 from ..seed_detector import SeedDetection
@@ -34,6 +35,13 @@ class FoundPose:
     def probability(self) -> float:
         """That the pose is right."""
         return self.result.confidence
+
+    def known_present(self, config: VerificationConfig) -> FoundPose:
+        """The same, its probability if the object is known to be in the image."""
+        if self.evidence is None:
+            return self
+        probability = self.evidence.probability(config, present=True)
+        return replace(self, result=replace(self.result, confidence=probability))
 
 
 @dataclass(frozen=True)

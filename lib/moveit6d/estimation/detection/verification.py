@@ -34,10 +34,11 @@ class Evidence:
     confidence: float
     similarity: float
 
-    def probability(self, config: VerificationConfig) -> float:
-        """That the pose is right."""
+    def probability(self, config: VerificationConfig, present: bool = False) -> float:
+        """That the pose is right; `present`: the object is known to be in the image."""
         return from_log_odds(
             config.intercept
+            + config.present * present
             + config.confidence * log_odds(self.confidence)
             + config.similarity * self.similarity
         )

@@ -61,7 +61,7 @@ class ViewMatcher:
         low, high = (side * share for share in config.widths)
         usual = pyramid.background(config.background, self.cells, low, high)
         windows = self._windows(usual)[..., 1:-1, 1:-1].flatten(0, 1).flatten(1)
-        self._spread = spread_of(windows, templates, config.min_spread)
+        self._spread = spread_of(windows, templates.rows, config.min_spread)
 
     @torch.inference_mode()
     def views(self, place: Place, allowed: Allowed | None = None) -> Candidates:
