@@ -106,3 +106,19 @@ def test_numbers_that_are_taken_as_millimetres_are_warned_of(
     glb.write(tmp_path / "box.glb")
     assert Mesh.load(tmp_path / "box.glb", "mm").diameter == pytest.approx(0.1414, abs=1e-3)
     assert "by the file one unit is 1 m, but the unit given is 0.001 m" in caplog.text
+
+
+def test_joints_and_weights_of_all_sets_count(tmp_path: Path) -> None:
+    glb = textured_glb()
+    count = len(BOX.vertices)
+    for number, (joints, weights) in enumerate(
+        [([0, 0, 0, 0], [0.25, 0, 0, 0]), ([1, 0, 0, 0], [0.75, 0, 0, 0])]
+    ):
+        glb.add(f"JOINTS_{number}", np.tile(np.array(joints, "u1"), (count, 1)))
+        glb.add(f"WEIGHTS_{number}", np.tile(np.array(weights, "<f4"), (count, 1)))
+    glb.json["nodes"] = [{"mesh": 0, "skin": 0}, {}, {"translation": [0.4, 0.8, 0]}]
+    glb.json["skins"] = [{"joints": [1, 2]}]
+    glb.json["scenes"] = [{"nodes": [0, 1, 2]}]
+    mesh = load(glb, tmp_path)
+    moved = BOX.vertices + (0.3, 0.6, 0)
+    np.testing.assert_allclose(mesh.vertices + mesh.center, moved, atol=1e-6)

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.mesh_files.read import read_mesh_file
 from tests.support.gltf_files import load
-from tests.support.patches import BOX, all_right, colored_glb, textured_glb
+from tests.support.patches import BOX, Glb, all_right, colored_glb, textured_glb
 
 GREY = {"name": "grey", "pbrMetallicRoughness": {"metallicFactor": 0}}
 
@@ -127,3 +129,71 @@ def test_alpha_masks_are_holes(tmp_path: Path, mode: str) -> None:
     side = (a + b + c)[:, 0] / 3 > 0.0499
     assert area[side].sum() == pytest.approx(0.08 * 0.06 / (2 if mode == "MASK" else 1), rel=0.05)
     assert area[~side].sum() == pytest.approx(0.08 * 0.06 + 4 * 0.1 * 0.07, rel=1e-3)
+
+
+def _with_helper(mode: dict[str, Any], alpha: float, pictured: bool) -> Glb:
+    """The box, and a large plane whose material has this alpha."""
+    glb = textured_glb()
+    base: dict[str, Any] = {"baseColorFactor": [0.2, 0.2, 0.2, alpha]}
+    if pictured:
+        base["baseColorTexture"] = {"index": 0}
+    glb.json["materials"].append({"name": "helper", "pbrMetallicRoughness": base, **mode})
+    plane = {
+        "POSITION": glb.accessor(np.array([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], "<f4")),
+        "TEXCOORD_0": glb.accessor(np.array([[0, 0], [1, 0], [0, 1]], "<f4")),
+    }
+    glb.json["meshes"][0]["primitives"].append({"attributes": plane, "material": 1})
+    return glb
+
+
+@pytest.mark.parametrize("pictured", [False, True])
+@pytest.mark.parametrize(
+    ("mode", "alpha", "there"),
+    [
+        ({"alphaMode": "BLEND"}, 0.0, False),
+        ({"alphaMode": "BLEND"}, 0.01, False),
+        ({"alphaMode": "BLEND"}, 0.1, True),
+        ({"alphaMode": "MASK"}, 0.4, False),
+        ({"alphaMode": "MASK"}, 0.5, True),
+        ({"alphaMode": "MASK", "alphaCutoff": 0.3}, 0.4, True),
+        ({"alphaMode": "MASK", "alphaCutoff": 0}, 0.0, True),
+        ({"alphaMode": "OPAQUE"}, 0.0, True),
+        ({}, 0.0, True),
+    ],
+)
+def test_planes_that_alpha_makes_invisible(
+    tmp_path: Path, mode: dict[str, Any], alpha: float, there: bool, pictured: bool
+) -> None:
+    mesh = load(_with_helper(mode, alpha, pictured), tmp_path)
+    assert len(mesh.faces) == 12 + there
+    assert (np.ptp(mesh.vertices, axis=0)[0] > 1) == there
+    if not there:
+        assert all_right(mesh)
+        content = read_mesh_file(tmp_path / "box.glb")[1]
+        assert any("invisible" in note and "'helper'" in note for note in content.notes)
+
+
+@pytest.mark.parametrize("mode", ["BLEND", "MASK"])
+def test_an_object_that_alpha_would_hide_as_a_whole_is_shown(
+    tmp_path: Path, mode: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    glb = textured_glb(BOX.png(np.dstack([BOX.picture, np.full((64, 96), 255, np.uint8)])))
+    entry = glb.json["materials"][0]
+    entry["alphaMode"] = mode
+    entry["pbrMetallicRoughness"]["baseColorFactor"] = [1, 1, 1, 0]
+    assert all_right(load(glb, tmp_path))
+    assert "all of its materials invisible ('skin')" in caplog.text
+
+
+def test_the_factor_s_alpha_multiplies_the_picture_s(tmp_path: Path) -> None:
+    alpha = np.full((64, 96), 255, np.uint8)
+    alpha[:32, :16] = 180  # half of the side x = +0.05; above the cutoff of 127.5 by itself
+    glb = textured_glb(BOX.png(np.dstack([BOX.picture, alpha])), alphaMode="MASK")
+    whole = _area(load(glb, tmp_path))
+    glb.json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [1, 1, 1, 0.6]
+    assert whole - _area(load(glb, tmp_path)) == pytest.approx(0.08 * 0.06 / 2, rel=0.05)
+
+
+def _area(mesh: Mesh) -> float:
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.mesh_files.mtl import read_mtl
 from tests.support.obj_files import MTL, write
 from tests.support.patches import BOX, all_right
 
@@ -29,6 +30,8 @@ from tests.support.patches import BOX, all_right
         "map_Kd file:///tmp/none/skin.png",
         "map_Kd skin.png  ",
         "\tmap_Kd\tskin.png",
+        "  map_Kd\tskin.png",
+        "map_Kd\t-s 1 1 1 skin.png",
         "MAP_KD skin.png",
         "map_Ka skin.png",
         "map_Ke skin.png\nmap_Pr rough.png",
@@ -58,3 +61,12 @@ def test_texture_scale_offset_and_gain_of_the_library(tmp_path: Path) -> None:
     obj = "\n".join(rows[:2] + halved + rows[2:])
     mtl = "newmtl mat\nmap_Kd -s 2 2 1 -o 0.2 0.4 0 skin.png\n"
     assert all_right(Mesh.load(write(tmp_path, mtl, obj)))
+
+
+def test_tabs_and_blanks_on_one_line(tmp_path: Path) -> None:
+    library = tmp_path / "m.mtl"
+    library.write_text("newmtl\tmy red\n  Kd\t0.8 0.1\t0.1\nmap_Kd\tmy tex.png\nmap_d\tm 1.png\n")
+    material = read_mtl(library)["my red"]
+    assert material.color == (0.8, 0.1, 0.1)
+    assert material.picture is not None and material.picture.name == "my tex.png"
+    assert material.mask is not None and material.mask.name == "m 1.png"

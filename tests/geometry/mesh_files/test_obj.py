@@ -42,3 +42,47 @@ def test_damaged_files_are_refused(tmp_path: Path, change: tuple[str, str], word
     path = write(tmp_path, obj=BOX.obj().replace(*change, 1))
     with pytest.raises(InputError, match=words):
         Mesh.load(path)
+
+
+A_COLOR, ANOTHER = (0.8, 0.2, 0.4), (0.2, 0.6, 0.0)
+
+
+@pytest.mark.parametrize("scale", [1, 255])
+@pytest.mark.parametrize("alpha", [(1.0, 1.0), (0.4, 0.8)])
+@pytest.mark.parametrize("weight", [False, True])
+def test_seven_numbers_of_a_vertex(
+    tmp_path: Path,
+    weight: bool,
+    alpha: tuple[float, float],
+    scale: int,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Either x y z w r g b or x y z r g b alpha; the column that is 1 or 255 throughout tells."""
+    rows, shown = [], []
+    for k, row in enumerate(BOX.vertices.tolist()):
+        color = [scale * x for x in (A_COLOR, ANOTHER)[k % 2]]
+        rows.append([*row, 1, *color] if weight else [*row, *color, scale * alpha[k % 2]])
+        shown.append([round(255 * x) for x in (A_COLOR, ANOTHER)[k % 2]])
+    mesh = Mesh.load(_with_rows(tmp_path, rows))
+    np.testing.assert_array_equal(mesh.vertex_colors, shown)
+    assert ("seven numbers" in caplog.text) == (not weight and alpha != (1.0, 1.0))
+
+
+def test_a_vertex_whose_seven_numbers_may_mean_two_things(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    rows = [[*row, 1, k % 2, 0, 1] for k, row in enumerate(BOX.vertices.tolist())]
+    mesh = Mesh.load(_with_rows(tmp_path, rows))
+    np.testing.assert_array_equal(mesh.vertex_colors[:2], [(255, 0, 0), (255, 255, 0)])
+    assert "are read as x y z r g b alpha" in caplog.text
+    caplog.clear()
+    rows = [[*row, 1, 90 * (k % 2), 0, 255] for k, row in enumerate(BOX.vertices.tolist())]
+    mesh = Mesh.load(_with_rows(tmp_path, rows))
+    np.testing.assert_array_equal(mesh.vertex_colors[:2], [(0, 0, 255), (90, 0, 255)])
+    assert "are read as x y z w r g b" in caplog.text
+
+
+def _with_rows(folder: Path, rows: list[list[float]]) -> Path:
+    obj = "\n".join("v " + " ".join(f"{x:.9g}" for x in row) for row in rows)
+    faces = "\n".join("f {} {} {}".format(*face) for face in (BOX.faces + 1).tolist())
+    return write(folder, obj=f"{obj}\n{faces}\n")

@@ -112,3 +112,18 @@ def test_the_picture_itself_as_mask_cuts_nothing_out(tmp_path: Path) -> None:
     Image.fromarray(np.dstack([BOX.picture, alpha])).save(tmp_path / "skin.png")
     right, count = shown_right(Mesh.load(path))
     assert 0 < right < count
+
+
+def test_pictures_of_one_name_in_two_folders(tmp_path: Path) -> None:
+    for name, color in (("a", (250, 30, 30)), ("b", (30, 30, 250))):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "m.mtl").write_text(f"newmtl {name}\nmap_Kd tex.png\n")
+        Image.new("RGB", (8, 8), color).save(tmp_path / name / "tex.png")
+    rows = BOX.obj("mtllib a/m.mtl\nmtllib b/m.mtl\n").splitlines()
+    first = next(k for k, row in enumerate(rows) if row.startswith("f "))
+    rows[first:first] = ["usemtl a"]
+    rows[first + 7 : first + 7] = ["usemtl b"]
+    mesh = Mesh.load(write(tmp_path, obj="\n".join(rows)))
+    assert mesh.texture is not None
+    shown = {tuple(color) for color in mesh.texture.reshape(-1, 3).tolist()}
+    assert {(250, 30, 30), (30, 30, 250)} <= shown

@@ -9,6 +9,7 @@ import pytest
 
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.mesh_files.join import PLAIN
 from moveit6d.geometry.mesh_files.stl import RECORD
 from tests.support.patches import BOX, all_right
 
@@ -63,3 +64,33 @@ def test_ascii_in_capitals(tmp_path: Path) -> None:
         mesh = Mesh.load(tmp_path / f"{name}.stl")
         found = (mesh.vertices + mesh.center)[mesh.faces]
         np.testing.assert_allclose(found, BOX.vertices[BOX.faces], atol=1e-6)
+
+
+@pytest.mark.parametrize("bits", [0, 31])  # a colour whose highest bit is not set does not count
+def test_faces_without_a_colour_among_coloured_ones(
+    tmp_path: Path, bits: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    rows = np.zeros(12, RECORD)
+    rows["corners"] = BOX.vertices[BOX.faces]
+    rows["attribute"] = 1 << 15 | 31 << 10  # red, as VisCAM has it
+    rows["attribute"][3] = bits
+    path = tmp_path / "box.stl"
+    path.write_bytes(b"x" * 80 + np.uint32(12).tobytes() + rows.tobytes())
+    mesh = Mesh.load(path)
+    colors = np.tile([255, 0, 0], (12, 1))
+    colors[3] = PLAIN
+    np.testing.assert_array_equal(mesh.vertex_colors[mesh.faces[:, 0]], colors)
+    assert "1 of 12 faces have no colour and are shown grey" in caplog.text
+    caplog.clear()
+    rows["attribute"] = bits
+    path.write_bytes(b"x" * 80 + np.uint32(12).tobytes() + rows.tobytes())
+    assert (Mesh.load(path).vertex_colors == PLAIN).all()
+    assert not caplog.text
+    # Magics gives those faces the colour in the header.
+    rows["attribute"] = 31
+    rows["attribute"][3] = 1 << 15
+    head = b"COLOR=\x10\x20\x30\xff".ljust(80, b"\0")
+    path.write_bytes(head + np.uint32(12).tobytes() + rows.tobytes())
+    mesh = Mesh.load(path)
+    colors[3] = (16, 32, 48)
+    np.testing.assert_array_equal(mesh.vertex_colors[mesh.faces[:, 0]], colors)

@@ -17,8 +17,10 @@ from ...errors import InputError
 from .beside import find_beside, read_bytes
 from .content import FileMaterial, MeshContent, MeshPart
 from .pictures import Picture, as_bytes, decode_picture
+from .polygons import triangulated
 
 UP_AXES = {"X_UP": "x", "Y_UP": "y", "Z_UP": "z"}
+NO_SURFACE = ("Light ", "Camera ")  # what pycollada's messages of references begin with
 
 
 def read_collada(content: MeshContent) -> None:
@@ -48,14 +50,23 @@ def read_collada(content: MeshContent) -> None:
         _add(content, bound, looks)
     for controller in document.scene.objects("controller"):
         _add(content, getattr(controller, "geometry", controller), looks)
-    for image in document.errors:
-        content.notes.append(f"pycollada: {str(image)[:120]}")
+    for problem in document.errors:
+        text = str(getattr(problem, "msg", problem))[:120]
+        lost = isinstance(problem, common.DaeBrokenRefError) and not text.startswith(NO_SURFACE)
+        what = f"a part of it is left out, as pycollada says: {text}"
+        if not lost:
+            content.notes.append(f"pycollada: {text}")
+        elif what not in content.warnings:
+            content.warnings.append(what)
 
 
 def _add(content: MeshContent, bound: Any, looks: _Looks) -> None:
     """The primitives of one geometry, its matrix applied."""
     for primitive in bound.primitives():
-        triangles = primitive.triangleset() if hasattr(primitive, "triangleset") else primitive
+        if not len(primitive.index):
+            continue
+        polygons = hasattr(primitive, "triangleset")
+        triangles = _triangulated(primitive, content.path) if polygons else primitive
         if not hasattr(triangles, "vertex_index") or "Line" in type(triangles).__name__:
             continue
         index = np.asarray(triangles.vertex_index, np.int64)
@@ -64,6 +75,19 @@ def _add(content: MeshContent, bound: Any, looks: _Looks) -> None:
         points = np.asarray(triangles.vertex, np.float64)[index.reshape(-1)]
         part = MeshPart(points, np.arange(len(points)).reshape(-1, 3))
         content.parts.append(looks.applied(part, triangles))
+
+
+def _triangulated(polygons: Any, path: Path) -> Any:
+    """A polylist as a triangle set of pycollada's, whose own way is wrong where one is concave."""
+    from collada.triangleset import TriangleSet
+
+    original = polygons.original
+    corners = np.asarray(polygons.vertex_index, np.int64)
+    counts = np.asarray(original.vcounts, np.int64)
+    triangles, _ = triangulated(corners, counts, np.asarray(polygons.vertex, np.float64), path)
+    index = original.index[triangles].reshape(-1)
+    found = TriangleSet(original.sources, original.material, index, original.xmlnode)
+    return found.bind(polygons.matrix, polygons.materialnodebysymbol)
 
 
 class _Looks:

@@ -5,7 +5,8 @@ Never plays animations. Specification: Khronos, glTF 2.0.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ MAX_NODES = 100_000
 TRIANGLES, STRIP, FAN = 4, 5, 6
 
 Matrix = NDArray[np.float64]
+Hidden = tuple[str, Callable[[], MeshPart | None]]  # an invisible material, and what makes the part
 
 
 def read_gltf(content: MeshContent) -> None:
@@ -32,6 +34,7 @@ def read_gltf(content: MeshContent) -> None:
     for node, matrix, is_visible in _placed(file):
         placed[node] = matrix  # of hidden ones, too: they may be joints
         visible += [node] * is_visible
+    hidden: list[Hidden] = []
     for node in visible:
         matrix, entry = placed[node], file.items("nodes")[node]
         if "EXT_mesh_gpu_instancing" in (entry.get("extensions") or {}):
@@ -42,9 +45,30 @@ def read_gltf(content: MeshContent) -> None:
         weights = entry.get("weights") or mesh.get("weights") or []
         joints = None if entry.get("skin") is None else _joints(file, entry["skin"], placed)
         for primitive in mesh["primitives"]:
-            part = _part(file, primitive, weights, matrix, joints, looks)
+            make = partial(_part, file, primitive, weights, matrix, joints, looks)
+            name = looks.invisible(primitive.get("material"))
+            if name is not None:
+                hidden.append((name, make))
+                continue
+            part = make()
             if part is not None:
                 content.parts.append(part)
+    _add_hidden(content, hidden)
+
+
+def _add_hidden(content: MeshContent, hidden: list[Hidden]) -> None:
+    """Primitives of invisible materials stay out, but where nothing else is they are shown."""
+    names = ", ".join(sorted({repr(name) for name, _ in hidden}))
+    if not hidden:
+        return
+    if any(len(part.faces) for part in content.parts):
+        content.notes.append(f"faces of materials that alpha makes invisible stay out: {names}")
+        return
+    content.warnings.append(
+        f"alpha makes all of its materials invisible ({names}); they are shown as if solid"
+    )
+    made = [make() for _, make in hidden]
+    content.parts += [part for part in made if part is not None]
 
 
 def _placed(file: GltfFile) -> Iterator[tuple[int, Matrix, bool]]:
@@ -115,10 +139,10 @@ def _part(
     triangles = _triangles(faces, mode)
     if triangles.size and (triangles.min() < 0 or triangles.max() >= len(points)):
         raise InputError(f"{file.path}: a face names a vertex that is not there ({len(points)}).")
-    if joints is not None and "JOINTS_0" in attributes and "WEIGHTS_0" in attributes:
-        share = np.asarray(attributes["WEIGHTS_0"], np.float64)
-        share = share / np.maximum(share.sum(1, keepdims=True), 1e-12)
-        mixed = np.einsum("vk,vkij->vij", share, joints[attributes["JOINTS_0"].astype(int)])
+    bones = None if joints is None else _bones(attributes)
+    if joints is not None and bones is not None:
+        share = bones[1] / np.maximum(bones[1].sum(1, keepdims=True), 1e-12)
+        mixed = np.einsum("vk,vkij->vij", share, joints[bones[0]])
         points = np.einsum("vij,vj->vi", mixed[:, :3, :3], points) + mixed[:, :3, 3]
     else:
         points = points @ matrix[:3, :3].T + matrix[:3, 3]
@@ -126,6 +150,19 @@ def _part(
             triangles = triangles[:, ::-1]
     part = MeshPart(points, np.ascontiguousarray(triangles))
     return looks.applied(part, primitive.get("material"), attributes)
+
+
+def _bones(
+    attributes: dict[str, NDArray[Any]],
+) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
+    """Joints and weights (V, 4 for each set) of all sets; None where there are none."""
+    pairs: list[tuple[NDArray[Any], NDArray[Any]]] = []
+    while {f"JOINTS_{len(pairs)}", f"WEIGHTS_{len(pairs)}"} <= set(attributes):
+        pairs.append((attributes[f"JOINTS_{len(pairs)}"], attributes[f"WEIGHTS_{len(pairs)}"]))
+    if not pairs:
+        return None
+    joints, weights = (np.concatenate(one, axis=1) for one in zip(*pairs, strict=True))
+    return joints.astype(np.int64), weights.astype(np.float64)
 
 
 def _attributes(

@@ -57,6 +57,15 @@ class Looks:
             return part
         return self._textured(part, entry, info or {}, picture, factor, light, attributes, name)
 
+    def invisible(self, material: int | None) -> str | None:
+        """The name of a material whose factor's alpha alone hides it all; None if it shows."""
+        if material is None:
+            return None
+        entry = self.file.items("materials")[material]
+        cutoff = _cutoff(entry)
+        hides = cutoff is not None and 255 * _opacity(entry) < cutoff
+        return str(entry.get("name") or f"number {material}") if hides else None
+
     def _textured(
         self, part: MeshPart, entry: dict[str, Any], info: dict[str, Any], picture: Picture,
         factor: NDArray[np.float64], light: NDArray[np.float64] | None,
@@ -79,10 +88,12 @@ class Looks:
         part.wrap = self._wrap(info)
         if light is not None and not (light == 1).all():
             part.colors = to_srgb(light)
-        mode = entry.get("alphaMode", "OPAQUE")
-        if picture.alpha is not None and mode in ("MASK", "BLEND"):
-            cutoff = 255 * float(entry.get("alphaCutoff", 0.5)) if mode == "MASK" else INVISIBLE
-            part = cut_out(part, picture.alpha, cutoff)
+        cutoff = _cutoff(entry)
+        if picture.alpha is not None and cutoff is not None:
+            opacity = _opacity(entry)
+            if opacity == 0 or 255 * opacity < cutoff:  # shown where there is nothing else
+                opacity = 1.0
+            part = cut_out(part, picture.alpha, cutoff / opacity)
         return part
 
     def _vertex_light(self, attributes: dict[str, NDArray[Any]]) -> NDArray[np.float64] | None:
@@ -175,6 +186,28 @@ def _shown(entry: dict[str, Any]) -> tuple[dict[str, Any] | None, NDArray[np.flo
     if glow.any() and not factor.any():
         return None, glow
     return None, factor
+
+
+def _cutoff(entry: dict[str, Any]) -> float | None:
+    """The alpha (0 to 255) below which a material is not there; None for one that is opaque."""
+    mode = entry.get("alphaMode", "OPAQUE")
+    if mode == "MASK":
+        cutoff = entry.get("alphaCutoff")
+        return 255 * (0.5 if cutoff is None else float(cutoff))
+    return INVISIBLE if mode == "BLEND" else None
+
+
+def _opacity(entry: dict[str, Any]) -> float:
+    """The alpha (0 to 1) of the factor that `_shown` takes."""
+    rough = entry.get("pbrMetallicRoughness") or {}
+    gloss = (entry.get("extensions") or {}).get("KHR_materials_pbrSpecularGlossiness") or {}
+    values = rough.get("baseColorFactor")
+    glossy = values is None or gloss.get("diffuseTexture") is not None
+    if rough.get("baseColorTexture") is None and glossy:
+        values = gloss.get("diffuseFactor")
+    if values is None or len(values) < 4 or not math.isfinite(values[3]):
+        return 1.0
+    return min(max(float(values[3]), 0.0), 1.0)
 
 
 def _factor(values: Any) -> NDArray[np.float64]:

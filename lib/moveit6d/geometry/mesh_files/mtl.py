@@ -52,8 +52,8 @@ def read_mtl(path: Path) -> dict[str, MtlMaterial]:
     current = MtlMaterial("", path)
     text = decoded(read_bytes(path)).replace("\\\r\n", " ").replace("\\\n", " ")
     for line in text.splitlines():
-        keyword, _, rest = line.strip().partition(" ") if " " in line else _tabbed(line)
-        keyword, rest = keyword.strip().lower(), rest.strip()
+        keyword, rest = [*line.strip().split(None, 1), "", ""][:2]
+        keyword = keyword.lower()
         if keyword == "newmtl":
             current, maps = MtlMaterial(rest, path), {}
             found.setdefault(rest, current)
@@ -105,8 +105,3 @@ def _color(text: str) -> tuple[float, float, float] | None:
     if len(values) == 1:  # green and blue equal red where they are not given
         values *= 3
     return (values[0], values[1], values[2]) if len(values) >= 3 else None
-
-
-def _tabbed(line: str) -> tuple[str, str, str]:
-    parts = line.strip().split(None, 1)
-    return (parts[0], " ", parts[1]) if len(parts) == 2 else ("".join(parts), "", "")

@@ -59,7 +59,7 @@ def read_obj(content: MeshContent) -> None:
     if not lines.counts:
         raise InputError(f"{path}: holds no faces; a mesh of triangles is needed.")
     rows = _table(lines.points, path, "v")
-    points, colors = rows[:, :3], _colors(rows)
+    points, colors = rows[:, :3], _colors(rows, content)
     uv = _table(lines.texture, path, "vt")[:, :2]
     corners, corner_uv = _corners(lines, len(points), len(uv), path)
     counts = np.array(lines.counts, np.int64)
@@ -143,15 +143,39 @@ def _numbers(row: str, path: Path, keyword: str) -> list[float]:
     return values
 
 
-def _colors(rows: NDArray[np.float64]) -> NDArray[np.uint8] | None:
-    """Colours behind the coordinates: x y z r g b, or x y z w r g b; 0 to 1, or 0 to 255."""
+def _colors(rows: NDArray[np.float64], content: MeshContent) -> NDArray[np.uint8] | None:
+    """Colours behind the coordinates: x y z r g b, or with a weight before or an alpha behind.
+
+    They are 0 to 1, or 0 to 255.
+    """
     if rows.shape[1] < 6:
         return None
-    colors = rows[:, -3:] if rows.shape[1] == 7 else rows[:, 3:6]
+    weighted = rows.shape[1] == 7 and _weight_first(rows[:, 3:], content)
+    colors = rows[:, 4:7] if weighted else rows[:, 3:6]
     if not np.isfinite(colors).all():
         colors = np.nan_to_num(colors, nan=1.0 if np.nanmax(colors) <= 1 else 255.0)
     scale = 255.0 if colors.max() <= 1 else 1.0
     return as_bytes(colors, scale)
+
+
+def _weight_first(values: NDArray[np.float64], content: MeshContent) -> bool:
+    """Whether four numbers behind the coordinates (N, 4) are w r g b, and not r g b alpha."""
+    whole = values[np.isfinite(values).all(1)]
+    if (whole[:, 1:] == whole[:, :3]).all():  # the same either way
+        return True
+    weight = bool((whole[:, 0] == 1).all())
+    alpha = any(bool((whole[:, 3] == full).all()) for full in (1, 255))
+    if weight != alpha:
+        return weight
+    fractions = bool(((whole >= 0) & (whole <= 1)).all())
+    levels = bool(((whole >= 0) & (whole <= 255) & (whole == np.rint(whole))).all())
+    # Where colours reach 255, 1 at every vertex is a weight rather than a red.
+    first = not fractions and (weight or not levels)
+    order = "x y z w r g b" if first else "x y z r g b alpha"
+    content.warnings.append(
+        f"its v lines have seven numbers, which may mean two things, and are read as {order}"
+    )
+    return first
 
 
 def _corners(lines: ObjLines, points: int, coordinates: int, path: Path) -> tuple[Index, Index]:

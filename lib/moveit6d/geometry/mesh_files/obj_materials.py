@@ -20,7 +20,7 @@ from .pictures import Picture, as_bytes, decode_picture
 if TYPE_CHECKING:
     from .obj import ObjGeometry
 
-Pictures = dict[str, Picture | None]
+Pictures = dict[str, Picture | None]  # by path, or by name where there is no such file
 
 
 def add_parts(
@@ -119,14 +119,15 @@ def _picture(
     """The decoded picture of a material; None, with a word, where it cannot be had."""
     if entry is None:
         return None
-    if entry.name in pictures:
-        return pictures[entry.name]
     content.name(f"picture {entry.name}")
     what = f"the material {material.name!r} of {material.library.name}"
     path = find_beside(material.library, entry.name)
     path = path or find_beside(content.path, entry.name)
     path = path or find_beside(content.path, entry.name.partition(" #")[0])
-    pictures[entry.name] = None
+    key = entry.name if path is None else str(path.resolve())
+    if key in pictures:
+        return pictures[key]
+    pictures[key] = None
     if path is None:
         content.lost(
             f"{what} shows the picture {entry.name!r}, which is not there",
@@ -134,13 +135,13 @@ def _picture(
         )
         return None
     try:
-        pictures[entry.name] = decode_picture(read_bytes(path), str(path))
+        pictures[key] = decode_picture(read_bytes(path), str(path))
     except InputError as error:
         content.lost(
             f"{what} shows the picture {entry.name!r}, but {str(error).rstrip('.')}",
             "save it as PNG",
         )
-    return pictures[entry.name]
+    return pictures[key]
 
 
 def _mask(

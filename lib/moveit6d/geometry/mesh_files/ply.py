@@ -84,23 +84,29 @@ def _add(
     face_colors = _colors(face)
     if colors is not None or face_colors is not None:
         content.name("vertex colours" if colors is not None else "face colours")
-    if "texcoord" in face and textures and len(face["texcoord"][1]) == 2 * len(corners):
-        uv = face["texcoord"][1].reshape(-1, 2)[triangles].reshape(-1, 2)
-        number = np.zeros(len(faces), np.int64)
-        if "texnumber" in face:
-            number = face["texnumber"].astype(np.int64)[polygon].clip(0, len(textures) - 1)
+    own = bool(textures) and "texcoord" in face
+    own = own and len(face["texcoord"][1]) == 2 * len(corners)
+    uv: Any = None if names is None else np.stack([vertex[name] for name in names], -1)
+    number = np.zeros(len(faces), np.int64)
+    if textures and (own or uv is not None):
+        number = _picture_numbers(content, face, polygon, len(textures))
+    if textures and (own or (uv is not None and (number != number[:1]).any())):
+        at = triangles if own else faces
+        uv = face["texcoord"][1].reshape(-1, 2) if own else uv
         for index in np.unique(number).tolist():
-            chosen = np.flatnonzero(number == index)
-            at = (3 * chosen[:, None] + np.arange(3)).reshape(-1)
-            part = MeshPart(points[faces[chosen]].reshape(-1, 3), np.arange(len(at)).reshape(-1, 3))
-            _dress(part, textures[index], uv[at], None if colors is None else
-                   colors[faces[chosen]].reshape(-1, 3))  # fmt: skip
+            chosen = number == index
+            corner = faces[chosen].reshape(-1)
+            part = MeshPart(points[corner], np.arange(len(corner)).reshape(-1, 3))
+            shown = None if colors is None else colors[corner]
+            if shown is None and index < 0 and face_colors is not None:
+                shown = np.repeat(face_colors[polygon[chosen]], 3, axis=0)
+            picture = None if index < 0 else textures[index]
+            _dress(part, picture, uv[at[chosen].reshape(-1)], shown)
             content.parts.append(part)
         return
     part = MeshPart(points, faces)
-    if names is not None and textures:
-        uv = np.stack([vertex[name] for name in names], -1)
-        _dress(part, textures[0], uv, colors)
+    if uv is not None and textures:
+        _dress(part, textures[number.max(initial=0)], uv, colors)
     elif colors is not None:
         part.colors = colors
     elif face_colors is not None:
@@ -113,6 +119,26 @@ def _add(
             "export it with texture_u and texture_v",
         )
     content.parts.append(part)
+
+
+def _picture_numbers(
+    content: MeshContent, face: dict[str, Any], polygon: NDArray[np.int64], count: int
+) -> NDArray[np.int64]:
+    """The picture (T,) of each triangle by the `texnumber` of its face; −1 for none."""
+    stored = face.get("texnumber")
+    if not isinstance(stored, np.ndarray):
+        return np.zeros(len(polygon), np.int64)
+    number = stored.astype(np.int64)[polygon]
+    if len(number) and (number < 0).all():
+        content.notes.append("no face has a picture by its texnumber; all show the first one")
+        return np.zeros(len(polygon), np.int64)
+    beyond = int((number >= count).sum())
+    if beyond:
+        content.warnings.append(
+            f"{beyond} of {len(number)} faces have a texnumber beyond the {count} pictures named "
+            "and show the last one"
+        )
+    return number.clip(-1, count - 1)
 
 
 def _dress(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from .beside import read_bytes
 from .content import MeshContent, MeshPart
+from .join import PLAIN
 
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 HEAD = 84  # bytes before the first triangle
@@ -31,7 +32,7 @@ def read_stl(content: MeshContent) -> None:
     rows = _all_rows(content, data, count)
     points = rows["corners"].reshape(-1, 3).astype(np.float64)
     part = MeshPart(points, np.arange(len(points)).reshape(-1, 3))
-    colors = _colors(rows["attribute"], data[:80])
+    colors = _colors(content, rows["attribute"], data[:80])
     if colors is not None:
         content.name("face colours")
         part.colors = np.repeat(colors, 3, axis=0)
@@ -51,7 +52,9 @@ def _all_rows(content: MeshContent, data: bytes, count: int) -> NDArray[Any]:
     return rows
 
 
-def _colors(attribute: NDArray[np.uint16], head: bytes) -> NDArray[np.uint8] | None:
+def _colors(
+    content: MeshContent, attribute: NDArray[np.uint16], head: bytes
+) -> NDArray[np.uint8] | None:
     """Colours (F, 3) of five bits a channel; None where the attributes hold none."""
     five = np.stack([attribute & 31, attribute >> 5 & 31, attribute >> 10 & 31], -1)
     own = attribute >> 15 == 0
@@ -59,9 +62,13 @@ def _colors(attribute: NDArray[np.uint16], head: bytes) -> NDArray[np.uint8] | N
     if at >= 0 and len(head) >= at + 10:  # Magics: red in the low bits, the highest means "none"
         whole = np.frombuffer(head[at + 6 : at + 9], np.uint8)
         return np.where(own[:, None], np.rint(five * 255 / 31), whole).astype(np.uint8)
-    if own.any() or not len(own):  # VisCAM sets the highest bit and has blue in the low bits
+    if own.all():  # VisCAM sets the highest bit and has blue in the low bits
         return None
-    return np.rint(five[:, ::-1] * 255 / 31).astype(np.uint8)
+    if own.any():
+        content.warnings.append(
+            f"{int(own.sum())} of {len(own)} faces have no colour and are shown grey"
+        )
+    return np.where(own[:, None], PLAIN, np.rint(five[:, ::-1] * 255 / 31)).astype(np.uint8)
 
 
 def _ascii(content: MeshContent, data: bytes, count: int) -> None:
