@@ -47,3 +47,29 @@ def test_what_is_missing_or_other_is_said(root: Path, tmp_path: Path) -> None:
     (root / "test_targets_bop19.json").write_text('[{"im_id": 1}]')
     with pytest.raises(InputError, match="a target has no scene_id"):
         BopDataset(root, "test").targets()
+
+
+def test_missing_and_damaged_images_are_frames_with_an_error(root: Path, scene: Any) -> None:
+    (root / "test" / "000003" / "rgb" / "000001.png").unlink()
+    (root / "test" / "000003" / "rgb" / "000002.png").write_bytes(b"nothing")
+    four, _ = read_bop_sequences(root)
+    assert (four.camera.width, four.camera.height) == (scene.camera.width, scene.camera.height)
+    frames = list(four.open())
+    assert [frame.error is None for frame in frames] == [False, False, True]
+    assert frames[0].name == "000001.png" and "does not exist" in str(frames[0].error)
+    assert (four.truth[2].matrix - scene.pose(7).matrix).abs().max() < 1e-9
+    (root / "test" / "000003" / "rgb" / "000007.png").unlink()
+    with pytest.raises(InputError, match=r"000001\.png does not exist"):
+        read_bop_sequences(root)
+
+
+def test_an_image_without_truth_has_none(root: Path) -> None:
+    place = root / "test" / "000003" / "scene_gt.json"
+    content = json.loads(place.read_text())
+    del content["2"]
+    place.write_text(json.dumps(content))
+    four, nine = read_bop_sequences(root)
+    assert list(four.truth) == [0, 2] and list(nine.truth) == [0]
+    assert len(list(four.open())) == 3
+    with pytest.raises(InputError, match="image 2: not there"):
+        BopDataset(root, "test").truth(3, 2)

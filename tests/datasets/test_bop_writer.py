@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ import pytest
 
 from moveit6d.datasets.bop import BopDataset, BopTarget
 from moveit6d.datasets.bop_sequences import read_bop_sequences
+from moveit6d.datasets.bop_writer import BopImage, write_bop
+from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
 from tests.support.bop_by_hand import TURN
 
@@ -73,3 +76,22 @@ def test_the_shared_linemod_split_has_its_targets(shared: Path) -> None:
     assert dataset.truth(2, 3)[0].visible_fraction == pytest.approx(0.19964507542147295)
     found = read_bop_sequences(dataset.root)
     assert len(found) == 8 and sum(len(one.truth) for one in found) >= 717
+
+
+@pytest.mark.parametrize(("far", "step"), [(6.5, 0.1), (9.0, 1.0), (65.0, 1.0)])
+def test_depth_does_not_wrap_round(tmp_path: Path, scene: Any, far: float, step: float) -> None:
+    depth = np.full((120, 160), 0.5004, np.float32)
+    depth[0, :6] = far, np.nan, np.inf, -np.inf, -0.5, 66.0 if far > 10 else far
+    image = BopImage(3, 1, scene.image(1), scene.camera, [], depth)
+    dataset = BopDataset(write_bop(tmp_path / "set", "test", {4: scene.mesh}, [image]), "test")
+    back = dataset.depth(3, 1)
+    assert back is not None
+    expected = [far, 0, 0, 0, 0, 0 if far > 10 else far, 0.5004]
+    np.testing.assert_allclose(back[0, :7], expected, atol=0.51e-3 * step)
+
+
+def test_a_lens_is_refused(tmp_path: Path, scene: Any) -> None:
+    camera = replace(scene.camera, distortion=(0.1, 0, 0, 0))
+    image = BopImage(3, 1, scene.image(1), camera, [])
+    with pytest.raises(InputError, match=r"image 1: scene_camera\.json holds no lens distortion"):
+        write_bop(tmp_path / "set", "test", {4: scene.mesh}, [image])

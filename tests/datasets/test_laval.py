@@ -23,6 +23,7 @@ from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.symmetry import Symmetries
+from tests.support.meshes import colored_box
 from tests.support.sequence_meshes import AXIS
 
 
@@ -121,6 +122,12 @@ def test_a_missing_image_is_a_frame_with_an_error(root: Path) -> None:
     (root / "dog_occlusion_0" / "1.png").unlink()
     frames = list(read_laval(root)[0].open())
     assert [frame.error is None for frame in frames] == [True, False, True]
+    (root / "dog_occlusion_0" / "0.png").unlink()
+    frames = list(read_laval(root)[0].open())
+    assert [frame.error is None for frame in frames] == [False, False, True]
+    (root / "dog_occlusion_0" / "2.png").unlink()
+    with pytest.raises(InputError, match=r"holds no 0\.png, the first of its 3 frames"):
+        read_laval(root)
 
 
 def test_declared_symmetries_are_kept(tmp_path: Path, scene: Any, brick: Mesh) -> None:
@@ -131,3 +138,24 @@ def test_declared_symmetries_are_kept(tmp_path: Path, scene: Any, brick: Mesh) -
     assert found.symmetric
     (axis,) = found.load_mesh().symmetries.continuous
     np.testing.assert_allclose(axis.offset, [0.03, -0.01, 0.02], atol=1e-12)
+
+
+def test_what_the_format_cannot_hold_is_refused(root: Path, scene: Any, brick: Mesh) -> None:
+    def write(name: str, mesh: Mesh = brick, **changes: Any) -> None:
+        camera = replace(scene.camera, **changes)
+        write_laval_sequence(root, name, mesh, camera, [(scene.image(0), scene.pose(0))])
+
+    fisheye = {"distortion": (0.1, 0, 0, 0), "distortion_model": "fisheye"}
+    with pytest.raises(InputError, match=r"holds OpenCV's coefficients, .* of a fisheye lens"):
+        write("cat_occlusion_0", **fisheye)
+    with pytest.raises(InputError, match="holds no skew, and the camera has one of 2"):
+        write("cat_occlusion_0", skew=2)
+    assert not list(root.glob("cat*"))
+    with pytest.raises(InputError, match=r"geometry\.ply is there and holds another mesh"):
+        write("dog_occlusion_h_15", colored_box())
+    with pytest.raises(InputError, match=r"geometry\.ply .* a mesh with other symmetries"):
+        write("dog_occlusion_h_15", replace(brick, symmetries=Symmetries.from_bop(AXIS)))
+    assert len(read_laval(root)) == 3
+    lens = (0.1, 0.02, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0)
+    write("dog_occlusion_0", distortion=lens)
+    assert read_laval(root)[0].camera.distortion == lens

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from moveit6d.datasets.mesh_writers import write_obj, write_ply
+from moveit6d.datasets.mesh_writers import is_plain, write_obj, write_ply
 from moveit6d.geometry.mesh import Mesh
-from tests.support.meshes import colored_box, textured_box
+from tests.support.meshes import colored_box, sphere, textured_box
 
 WRITERS = {"ply": write_ply, "obj": write_obj}
 
@@ -53,3 +54,34 @@ def test_ply_names_only_types_that_bop_knows(tmp_path: Path) -> None:
     kinds = {line.split()[1] for line in head.splitlines() if line.startswith("property")}
     assert kinds == {"float", "uchar", "list"}
     assert "property list uchar int vertex_indices" in head
+
+
+def test_a_plain_mesh_comes_back_plain(tmp_path: Path, write: tuple[str, Callable]) -> None:
+    mesh = sphere(subdivisions=2)
+    write[1](tmp_path / f"ball.{write[0]}", mesh)
+    back = Mesh.load(tmp_path / f"ball.{write[0]}")  # refuses a file that names a flat colour
+    np.testing.assert_allclose(seen(back), seen(mesh), atol=1e-7)
+    assert is_plain(back) and is_plain(mesh) and not is_plain(colored_box())
+
+
+def test_one_flat_colour_is_kept(tmp_path: Path, write: tuple[str, Callable]) -> None:
+    red = np.full((24, 3), (200, 10, 20), np.uint8)
+    mesh = replace(colored_box(), vertex_colors=red)
+    write[1](tmp_path / f"box.{write[0]}", mesh)
+    back = Mesh.load(tmp_path / f"box.{write[0]}", allow_flat=True)
+    assert back.vertex_colors is not None and back.vertex_colors[0].tolist() == [200, 10, 20]
+
+
+@pytest.mark.parametrize("unit", ["m", "mm"])
+def test_a_shape_far_away_is_kept(tmp_path: Path, write: tuple[str, Callable], unit: str) -> None:
+    mesh = colored_box((0.1234567, 0.0654321, 0.0456789), offset=(4e5, 5e6, 100))
+    write[1](tmp_path / f"box.{write[0]}", mesh, unit)
+    back = Mesh.load(tmp_path / f"box.{write[0]}", unit)  # type: ignore
+    assert back.diameter == pytest.approx(mesh.diameter, rel=1e-6)
+    np.testing.assert_allclose(back.center, mesh.center, rtol=0, atol=1e-8)
+
+
+def test_ply_far_away_names_double(tmp_path: Path) -> None:
+    write_ply(tmp_path / "box.ply", colored_box(offset=(0, 100, 0)))
+    head = (tmp_path / "box.ply").read_bytes().split(b"end_header")[0].decode()
+    assert "property double y" in head and "property float nx" in head

@@ -13,6 +13,7 @@ from moveit6d.datasets.rbot import read_rbot, write_rbot
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.symmetry import Symmetries
+from tests.support.meshes import colored_box
 from tests.support.sequence_meshes import AXIS
 
 
@@ -67,3 +68,60 @@ def test_declared_symmetries_are_kept(tmp_path: Path, scene: Any, brick: Mesh) -
     assert found.symmetric
     (axis,) = found.load_mesh().symmetries.continuous
     np.testing.assert_allclose(axis.offset, [0.03, -0.01, 0.02], atol=1e-12)
+
+
+def test_a_gap_is_a_frame_with_an_error_and_moves_no_pose(root: Path, scene: Any) -> None:
+    for number in (0, 1):
+        (root / "cat" / "frames" / f"a_regular{number:04d}.png").unlink()
+    one = read_rbot(root)[0]
+    assert one.name == "cat.a_regular" and one.camera.width == scene.camera.width
+    frames = list(one.open())
+    assert [frame.error is None for frame in frames] == [False, False, True]
+    np.testing.assert_array_equal(frames[2].image, scene.image(2))
+    assert (one.truth[2].matrix - scene.pose(2).matrix).abs().max() < 1e-8
+
+
+def test_another_motion_is_refused_and_leaves_nothing(root: Path, scene: Any, brick: Mesh) -> None:
+    before = (root / "poses_first.txt").read_bytes()
+    frames = ((scene.image(k), scene.pose(k + (k == 2))) for k in range(3))
+    with pytest.raises(InputError, match=r"poses_first\.txt .*holds another pose of frame 2"):
+        write_rbot(root, "egg", brick, scene.camera, frames)
+    assert (root / "poses_first.txt").read_bytes() == before
+    assert not list(root.glob("egg/**/*.png"))
+    assert len(read_rbot(root)) == 3
+
+
+def test_the_longest_sequence_gives_the_poses(root: Path, scene: Any, brick: Mesh) -> None:
+    for name, count in (("egg", 2), ("iron", 5)):
+        frames = ((scene.image(k), scene.pose(k)) for k in range(count))
+        write_rbot(root, name, brick, scene.camera, frames)
+        lengths = {one.name: len(one.truth) for one in read_rbot(root)}
+        assert lengths["cat.a_regular"] == 3 and lengths[f"{name}.a_regular"] == count
+
+
+def test_a_sequence_alone_is_replaced_whole(tmp_path: Path, scene: Any, brick: Mesh) -> None:
+    for start, count in ((0, 4), (0, 4), (7, 2)):
+        frames = ((scene.image(k), scene.pose(start + k)) for k in range(count))
+        write_rbot(tmp_path, "cat", brick, scene.camera, frames)
+    (one,) = read_rbot(tmp_path)
+    assert (one.truth[1].matrix - scene.pose(8).matrix).abs().max() < 1e-8
+    assert len(list(one.frames.iterdir())) == 2
+    assert [place.name for place in sorted(tmp_path.glob("cat/*"))] == ["cat.obj", "frames"]
+
+
+def test_what_the_format_cannot_hold_is_refused(root: Path, scene: Any, brick: Mesh) -> None:
+    def write(name: str, mesh: Mesh = brick, **changes: Any) -> None:
+        camera = replace(scene.camera, **changes)
+        write_rbot(root, name, mesh, camera, [(scene.image(0), scene.pose(0))], "d_occlusion")
+
+    with pytest.raises(InputError, match="no lens distortion, and the camera has opencv"):
+        write("egg", distortion=(0.1, 0, 0, 0))
+    with pytest.raises(InputError, match="no skew, and the camera has one of 2"):
+        write("egg", skew=2)
+    assert not (root / "egg").exists()
+    with pytest.raises(InputError, match=r"camera_calibration\.txt .* another camera"):
+        write("egg", fx=scene.camera.fx + 1)
+    with pytest.raises(InputError, match=r"cat\.obj is there and holds another mesh"):
+        write("cat", colored_box())
+    write("cat", distortion=(0.0, 0, 0, 0))
+    assert len(read_rbot(root)) == 4

@@ -10,9 +10,10 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
+from av.video.reformatter import ColorRange, Colorspace
 from PIL import Image as Pillow
 
-from moveit6d.datasets.video import open_frames
+from moveit6d.datasets.video import UNSPECIFIED, open_frames
 from moveit6d.datasets.video_file import VideoFile
 from moveit6d.errors import InputError
 
@@ -156,3 +157,43 @@ def test_pixels_that_are_no_squares_are_told(tmp_path: Path) -> None:
     assert VideoFile(wide).sample_aspect_ratio == pytest.approx(4 / 3)
     turn_a_quarter(wide)
     assert VideoFile(wide).sample_aspect_ratio == pytest.approx(3 / 4)
+
+
+def one_colour(path: Path, height: int, matrix: int, tag: int | None, full: bool = False) -> Path:
+    """A video of RGB (200, 40, 60), converted with a matrix that it may name, as coders do."""
+    spread = ColorRange.JPEG if full else ColorRange.MPEG
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=Fraction(25), options={"crf": "1"})
+        stream.width, stream.height, stream.pix_fmt = 2 * height, height, "yuv420p"
+        if full:
+            stream.codec_context.color_range = spread
+        if tag is not None:
+            stream.codec_context.colorspace = tag
+        rgb = np.full((height, 2 * height, 3), (200, 40, 60), np.uint8)
+        picture = av.VideoFrame.from_ndarray(rgb, "rgb24").reformat(
+            format="yuv420p", dst_colorspace=matrix, dst_color_range=spread
+        )
+        picture.colorspace = UNSPECIFIED if tag is None else tag
+        for packet in (*stream.encode(picture), *stream.encode()):
+            container.mux(packet)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("height", "matrix", "tag", "full"),
+    [
+        (720, Colorspace.ITU709, None, False),
+        (720, Colorspace.ITU709, None, True),
+        (720, Colorspace.ITU709, 1, False),
+        (720, Colorspace.ITU601, 5, False),  # as it says, although it is large
+        (480, Colorspace.ITU601, None, False),
+        (480, Colorspace.ITU709, 1, False),
+    ],
+)
+def test_colours_are_those_of_the_standard(
+    tmp_path: Path, height: int, matrix: Colorspace, tag: int | None, full: bool
+) -> None:
+    path = one_colour(tmp_path / "clip.mp4", height, int(matrix), tag, full)
+    (frame,) = open_frames(path)
+    assert frame.image is not None
+    np.testing.assert_allclose(frame.image[99, 99], (200, 40, 60), atol=4)

@@ -15,6 +15,7 @@ from moveit6d.datasets.ycbv import read_keyframes, read_meta, read_ycbv, write_y
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.symmetry import Symmetries
+from tests.support.meshes import colored_box
 from tests.support.sequence_meshes import AXIS
 
 DRILL, BOWL = 15, 13  # classes, from 1
@@ -149,3 +150,34 @@ def test_declared_symmetries_are_kept(tmp_path: Path, scene: Any, brick: Mesh) -
     assert found.symmetric
     (axis,) = found.load_mesh().symmetries.continuous
     np.testing.assert_allclose(axis.offset, [0.03, -0.01, 0.02], atol=1e-12)
+
+
+def test_what_the_format_cannot_hold_is_refused(root: Path, scene: Any, brick: Mesh) -> None:
+    def write(mesh: Mesh = brick, names: Any = ycbv.OBJECTS, **changes: Any) -> None:
+        frames = [(scene.image(0), {DRILL: scene.pose(0)})]
+        camera = replace(scene.camera, **changes)
+        write_ycbv_scene(root, 50, {DRILL: mesh}, camera, frames, names)
+
+    with pytest.raises(InputError, match="0050: YCB-Video's format holds no lens distortion"):
+        write(distortion=(0.1, 0, 0, 0))
+    with pytest.raises(InputError, match=r"textured_simple\.obj is there and holds another mesh"):
+        write(colored_box())
+    with pytest.raises(InputError, match=r"classes\.txt: class 1 is 002_master_chef_can .* mug"):
+        write(names=("mug",) * DRILL)
+    assert not (root / "data" / "0050").exists()
+    write(names=ycbv.OBJECTS[:DRILL], skew=2)
+    assert ycbv.object_names(root) == ycbv.OBJECTS
+    assert read_ycbv(root, [50])[0].camera.skew == 2
+
+
+def test_a_published_mesh_is_not_put_aside(root: Path, scene: Any, brick: Mesh) -> None:
+    folder = root / "models" / ycbv.OBJECTS[DRILL - 1]
+    (folder / "textured_simple.obj").rename(folder / "textured.obj")
+    write_ycbv_scene(root, 50, {DRILL: brick}, scene.camera, [(scene.image(0), {})])
+    assert not (folder / "textured_simple.obj").exists()
+
+
+def test_a_damaged_first_image_is_a_frame_with_an_error(root: Path) -> None:
+    (root / "data" / "0048" / "000001-color.png").write_bytes(b"nothing")
+    frames = list(read_ycbv(root)[1].open())
+    assert [frame.error is None for frame in frames] == [False, True, True, True, True]

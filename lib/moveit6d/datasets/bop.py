@@ -147,6 +147,10 @@ class BopDataset:
             size = (width, height)
         return Camera(values[0], values[4], values[2], values[5], *size, skew=values[1])
 
+    def has_truth(self, scene: int, image: int) -> bool:
+        """Whether `scene_gt.json` lists an image, be it with no object."""
+        return str(image) in self._scene(scene, "scene_gt")
+
     def truth(self, scene: int, image: int) -> list[Instance]:
         """The true poses of an image in the order of `scene_gt.json`."""
         known = self._scene(scene, "scene_gt")
@@ -247,11 +251,15 @@ class BopDataset:
         """The file of one colour (or grey) image."""
         path = self._find(scene, image, ("rgb", "gray"))
         if path is None:
-            name = self.folder(scene) / (f"rgb_{self.sensor}" if self.sensor else "rgb")
-            raise InputError(
-                f"image {image} of scene {scene}: there is no {name}/{image:06d}.png or .jpg."
-            )
+            place = self.expected_path(scene, image).with_suffix("")
+            raise InputError(f"image {image} of scene {scene}: there is no {place}.png or .jpg.")
         return path
+
+    def expected_path(self, scene: int, image: int) -> Path:
+        """The file of one colour (or grey) image or, where it is missing, its usual path."""
+        name = f"rgb_{self.sensor}" if self.sensor else "rgb"
+        usual = self.folder(scene) / name / f"{image:06d}.png"
+        return self._find(scene, image, ("rgb", "gray")) or usual
 
     def _find(self, scene: int, image: int, kinds: tuple[str, ...]) -> Path | None:
         folder = self.folder(scene)

@@ -12,6 +12,7 @@ from ..geometry.camera import Camera
 from ..geometry.pose import Pose
 from .bop import BopDataset
 from .sequences import Sequence
+from .video import first_size
 
 # Which split is taken where the folder of the whole data set is given, the first one there.
 SPLITS = ("test", "test_primesense", "test_all", "val", "val_primesense", "train_real", "train")
@@ -21,8 +22,9 @@ def read_bop_sequences(path: Path) -> list[Sequence]:
     """The sequences of a split (`lmo/test`) or of a data set's test split (`lmo`).
 
     Named `000002.8` by scene and object, grouped by object. An object that occurs several times in
-    an image is left out there, as nothing tells which instance is which. `symmetric` is what
-    models_info.json declares.
+    an image is left out there, as nothing tells which instance is which. An image that is missing
+    or damaged is a frame with an error, one of which scene_gt.json says nothing has no truth.
+    `symmetric` is what models_info.json declares.
     """
     dataset = open_split(path)
     scenes = dataset.scenes()
@@ -57,13 +59,13 @@ def _read_scene(dataset: BopDataset, scene: int) -> list[Sequence]:
     folder = dataset.folder(scene)
     truth: dict[int, dict[int, Pose]] = {}
     for frame, image in enumerate(images):
-        instances = dataset.truth(scene, image)
+        instances = dataset.truth(scene, image) if dataset.has_truth(scene, image) else []
         listed = [one.object for one in instances]
         for one in instances:
             if listed.count(one.object) == 1:
                 truth.setdefault(one.object, {})[frame] = one.pose
-    camera = _camera(dataset, scene, images)
-    paths = tuple(dataset.image_path(scene, image) for image in images)
+    paths = tuple(dataset.expected_path(scene, image) for image in images)
+    camera = _camera(dataset, scene, images, paths)
     return [
         Sequence(
             name=f"{scene:06d}.{number}",
@@ -85,9 +87,9 @@ def _read_scene(dataset: BopDataset, scene: int) -> list[Sequence]:
     ]
 
 
-def _camera(dataset: BopDataset, scene: int, images: list[int]) -> Camera:
-    first = dataset.camera(scene, images[0])
-    size = (first.width, first.height)
+def _camera(dataset: BopDataset, scene: int, images: list[int], paths: tuple[Path, ...]) -> Camera:
+    size = first_size(paths)
+    first = dataset.camera(scene, images[0], size)
     for image in images:
         if dataset.camera(scene, image, size) != first:
             raise InputError(

@@ -20,14 +20,19 @@ from ..io import replacing, write_json
 from .bop import TARGETS, Instance
 from .mesh_writers import write_ply
 from .video import Image
+from .writer_checks import check_no_lens
 
 LEAST_VISIBLE = 0.1  # instances that are seen less are no targets (enumerate_test_targets.py)
-DEPTH_SCALE = 0.1  # a step of a depth image in millimetres
+DEPTH_SCALES = (0.1, 1.0)  # a step of a depth image in millimetres: the first that reaches, or last
+MOST_STEPS = 65535
 
 
 @dataclass(frozen=True)
 class BopImage:
-    """One image of a scene: RGB (H, W, 3), its camera and true poses, depth (H, W) in metres."""
+    """One image of a scene: RGB (H, W, 3), its camera and true poses, depth (H, W) in metres.
+
+    Files hold depth to 65.5 m; what is farther, below 0 or not finite is 0 there: unknown.
+    """
 
     scene: int
     number: int
@@ -43,7 +48,8 @@ def write_bop(
     """Write models (PLY, models_info.json), a split and test_targets_bop19.json; returns `root`.
 
     Scenes are written one after the other as they come; `scene_gt_info.json` holds `visib_fract`
-    and, of instances that have a box, `bbox_visib`: the rest belongs to masks.
+    and, of instances that have a box, `bbox_visib`: the rest belongs to masks. `InputError` for a
+    camera with a lens, which `cam_K` cannot hold.
     """
     write_models(root / "models", objects)
     counts: dict[tuple[int, int, int], int] = {}
@@ -85,15 +91,16 @@ def _add(folder: Path, one: BopImage, kept: dict[str, dict[str, Any]]) -> None:
     """Write an image and its depth, and keep what the scene's files will say of it."""
     from PIL import Image as Pillow
 
+    check_no_lens(one.camera, f"{folder}: image {one.number}: scene_camera.json")
     key, name = str(one.number), f"{one.number:06d}.png"
     (folder / "rgb").mkdir(parents=True, exist_ok=True)
     Pillow.fromarray(one.image).save(folder / "rgb" / name, compress_level=3)
     kept["camera"][key] = {"cam_K": one.camera.matrix.reshape(9).tolist()}
     if one.depth is not None:
         (folder / "depth").mkdir(exist_ok=True)
-        steps = np.rint(one.depth * (1000 / DEPTH_SCALE)).astype(np.uint16)
+        steps, scale = _depth_steps(one.depth)
         Pillow.fromarray(steps).save(folder / "depth" / name)
-        kept["camera"][key]["depth_scale"] = DEPTH_SCALE
+        kept["camera"][key]["depth_scale"] = scale
     kept["gt"][key] = [
         {
             "cam_R_m2c": instance.pose.rotation.reshape(9).tolist(),
@@ -107,3 +114,14 @@ def _add(folder: Path, one: BopImage, kept: dict[str, dict[str, Any]]) -> None:
         | ({} if instance.box is None else {"bbox_visib": list(instance.box)})
         for instance in one.truth
     ]
+
+
+def _depth_steps(depth: NDArray[np.float32]) -> tuple[NDArray[np.uint16], float]:
+    """Depth in steps of the scale that is returned, millimetres; 0 where it does not fit."""
+    known = np.where(np.isfinite(depth), depth, 0)
+    for scale in DEPTH_SCALES:
+        steps = np.rint(known * (1000 / scale))
+        if steps.max(initial=0) <= MOST_STEPS:
+            break
+    fits = (steps >= 0) & (steps <= MOST_STEPS)
+    return np.where(fits, steps, 0).astype(np.uint16), scale

@@ -27,11 +27,12 @@ from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..geometry.symmetry_file import symmetries_beside, write_symmetries
+from ..geometry.symmetry_file import symmetries_beside
 from ..io import read_json, replacing, replacing_folder, write_json
 from .mesh_writers import write_ply
 from .sequences import Sequence
 from .video import Image
+from .writer_checks import check_no_skew, write_shared_mesh
 
 OBJECTS = (
     "clock", "cookiejar", "dog", "dragon", "kinect", "lego", "shoe", "skull", "turtle", "walkman",
@@ -122,14 +123,21 @@ def write_laval_sequence(
     """Write `root/NAME` (for instance dog_occlusion_h_15) and its object's geometry.ply.
 
     Declared symmetries go beside that. Frames are written as they come. The folder appears when
-    all is there, in place of an older one.
+    all is there, in place of an older one. `InputError` if geometry.ply is there and holds another
+    mesh, and for a fisheye lens or a skew, which camera.json cannot hold.
     """
     from PIL import Image as Pillow
 
     item, _ = split_name(name)
-    if not (root / item / "geometry.ply").exists():
-        write_ply(root / item / "geometry.ply", mesh)
-        write_symmetries(root / item / "geometry.ply", mesh.symmetries)
+    place = f"{root / name / 'camera.json'}: Laval's format"
+    if camera.distortion_model != "opencv":
+        raise InputError(
+            f"{place} holds OpenCV's coefficients, and the camera has those of a "
+            f"{camera.distortion_model} lens; undistort the images (Camera.undistort) and give the "
+            "pinhole camera."
+        )
+    check_no_skew(camera, place)
+    write_shared_mesh(root / item / "geometry.ply", mesh, write_ply)
     with replacing_folder(root / name) as folder:
         poses = []
         for number, (image, pose) in enumerate(frames):
@@ -154,7 +162,9 @@ def _read(folder: Path) -> Sequence:
     mesh = folder.resolve().parent / item / "geometry.ply"
     if not mesh.is_file():
         raise InputError(f"{folder}: its object's mesh is missing; looked for {mesh}.")
-    suffix = next((s for s in (".png", ".jpg") if (folder / f"0{s}").exists()), "")
+    numbers = range(len(matrices))
+    suffixes = (s for s in (".png", ".jpg") if any((folder / f"{n}{s}").exists() for n in numbers))
+    suffix = next(suffixes, "")
     if not suffix:
         raise InputError(f"{folder} holds no 0.png, the first of its {len(matrices)} frames.")
     images = tuple(folder / f"{number}{suffix}" for number in range(len(matrices)))

@@ -32,6 +32,8 @@ FREE_PIXELS, PIXELS_PER_BYTE = 40_000_000, 300
 # A camera that gives nothing this many times in a row is taken to be gone.
 CAMERA_PATIENCE = 30
 LOOKED_AT = 8  # images from which the bits of all are told
+UNSPECIFIED = 2  # AVCOL_SPC_UNSPECIFIED
+HD_LINES = 720  # smaller video without a tag is BT.601, which ffmpeg assumes
 AHEAD = 3  # frames that are read while another is worked on
 
 Image = NDArray[np.uint8]
@@ -112,6 +114,20 @@ def image_size(path: Path) -> tuple[int, int]:
     """Width and height of an image, of which no more than the header is read."""
     with opened_image(path) as opened:
         return int(opened.size[0]), int(opened.size[1])
+
+
+def first_size(paths: Iterable[Path]) -> tuple[int, int]:
+    """Width and height of the first image that can be opened; `InputError` if none of them can.
+
+    So that a missing or damaged image is no more than a frame with an error.
+    """
+    first: InputError | None = None
+    for path in paths:
+        try:
+            return image_size(path)
+        except InputError as error:
+            first = first or error
+    raise first or InputError("There is no image to take the size from; give at least one.")
 
 
 def read_image(path: Path, depth: BitDepth | None = None) -> Image:
@@ -321,7 +337,13 @@ class LiveCamera:
 
 
 def to_upright_rgb(picture: Any) -> Image:
-    """A decoded picture of PyAV's as RGB (H, W, 3), turned as players turn it."""
-    image: Image = picture.to_ndarray(format="rgb24")
+    """A decoded picture of PyAV's as RGB (H, W, 3), turned as players turn it.
+
+    High-definition video that does not say what its colours mean is BT.709, as players take it.
+    """
+    # Only where it must: given to a tagged picture, the argument would overrule the tag.
+    untagged = picture.colorspace == UNSPECIFIED and picture.height >= HD_LINES
+    colors = {"src_colorspace": "itu709"} if untagged else {}
+    image: Image = picture.to_ndarray(format="rgb24", **colors)
     quarter_turns = round((picture.rotation or 0) / 90) % 4
     return np.ascontiguousarray(np.rot90(image, quarter_turns)) if quarter_turns else image

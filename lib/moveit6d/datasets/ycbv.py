@@ -24,12 +24,13 @@ from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..geometry.symmetry_file import symmetries_beside, write_symmetries
+from ..geometry.symmetry_file import symmetries_beside
 from ..io import read_text, replacing, replacing_folder
 from .mat_file import read_mat
 from .mesh_writers import write_obj
 from .sequences import Sequence
-from .video import Image, image_size
+from .video import Image, first_size
+from .writer_checks import check_no_lens, write_shared_mesh
 
 OBJECTS = (
     "002_master_chef_can", "003_cracker_box", "004_sugar_box", "005_tomato_soup_can",
@@ -128,14 +129,18 @@ def write_ycbv_scene(
     """Write `data/SCENE`, the models that are missing, classes.txt and lines of keyframe.txt.
 
     `objects` and the poses of a frame go by class, 1 for `names[0]`; every `every`-th frame is a
-    keyframe. Frames are written as they come; the folder appears when all is there.
+    keyframe. Frames are written as they come; the folder appears when all is there. `InputError`
+    for a camera with a lens, which the format cannot hold, and if models or names of classes that
+    are there, and belong to older scenes too, are others.
     """
     from PIL import Image as Pillow
     from scipy.io import savemat
 
+    place, count = path / "data" / f"{scene:04d}", 0
+    check_no_lens(camera, f"{place}: YCB-Video's format")
+    names = _shared_names(path, place, tuple(names))
     for number, mesh in objects.items():
         _write_model(path / "models" / names[number - 1], mesh)
-    place, count = path / "data" / f"{scene:04d}", 0
     with replacing_folder(place) as folder:
         for image, poses in frames:
             count += 1
@@ -176,7 +181,7 @@ def _read_scene(
         meta = image.with_name(f"{image.name[:6]}-meta.mat")
         for number, matrix in (read_meta(meta) if meta.is_file() else {}).items():
             found.setdefault(number, {})[index] = matrix
-    camera = _camera(images[0], scene)
+    camera = _camera(images, scene)
     scored = None if keyframes is None else [place[k] for k in keyframes if k in place]
     sequences = []
     for number, matrices in sorted(found.items()):
@@ -210,14 +215,15 @@ def _read_scene(
     return sequences
 
 
-def _camera(image: Path, scene: int) -> Camera:
+def _camera(images: List[Path], scene: int) -> Camera:
     """Of the first image: as its meta.mat says, else by the number of the scene."""
-    width, height = image_size(image)
+    width, height = first_size(images)
+    image = images[0]
     meta = image.with_name(f"{image.name[:6]}-meta.mat")
     k = np.asarray(_load(meta, META[2:]).get(META[2], ()), np.float64) if meta.is_file() else None
     if k is None or k.shape != (3, 3):
         return CAMERAS[scene >= 60].resize(width, height)
-    return Camera(k[0, 0], k[1, 1], k[0, 2], k[1, 2], width, height)
+    return Camera(k[0, 0], k[1, 1], k[0, 2], k[1, 2], width, height, skew=k[0, 1])
 
 
 def _load(path: Path, variables: tuple[str, ...]) -> dict[str, Any]:
@@ -236,12 +242,26 @@ def _mesh(path: Path, name: str) -> Path:
 
 
 def _write_model(folder: Path, mesh: Mesh) -> None:
-    if (folder / MESHES[0]).exists():
+    there = next((folder / name for name in MESHES if (folder / name).is_file()), None)
+    write_shared_mesh(there or folder / MESHES[0], mesh, write_obj)
+    if there is not None:
         return
-    write_obj(folder / MESHES[0], mesh)
-    write_symmetries(folder / MESHES[0], mesh.symmetries)
     with replacing(folder / "points.xyz") as temporary:
         np.savetxt(temporary, mesh.sample_points(POINTS), fmt="%.6f")
+
+
+def _shared_names(path: Path, place: Path, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the classes for all scenes; `InputError` if those of older scenes are others."""
+    if all(p == place for p in (path / "data").glob("[0-9]*")):
+        return names
+    known = object_names(path)
+    for number, (old, new) in enumerate(zip(known, names, strict=False), 1):
+        if old != new:
+            raise InputError(
+                f"{path / 'image_sets' / 'classes.txt'}: class {number} is {old} in the scenes "
+                f"that are there and {new} in the one to write; give the same names in that order."
+            )
+    return max(known, names, key=len)
 
 
 def _not_here(path: Path) -> str:

@@ -201,3 +201,11 @@ def test_interrupted_writing_leaves_nothing(tmp_path: Path, robot: Mesh) -> None
 def test_bad_requests_are_said(tmp_path: Path, robot: Mesh, difficulty: str, frames: int) -> None:
     with pytest.raises(InputError, match=r"difficulty|frames"):
         write_sequence(tmp_path / "clip", mesh=robot, seed=1, frames=frames, difficulty=difficulty)
+
+
+def test_a_lens_is_refused_as_it_is_not_rendered(robot: Mesh, tmp_path: Path) -> None:
+    lens = replace(SMALL, distortion=(-0.3, 0.1, 0.0, 0.0))
+    with pytest.raises(InputError, match=r"rendered without a lens, .* give camera\.pinhole"):
+        write_sequence(tmp_path / "clip", mesh=robot, seed=1, frames=2, camera=lens)
+    assert not (tmp_path / "clip").exists()
+    Scene(robot, 1, 2, "easy", camera=replace(SMALL, distortion=(0.0, 0.0, 0.0, 0.0)))

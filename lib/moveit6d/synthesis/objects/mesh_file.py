@@ -9,12 +9,16 @@ from pathlib import Path
 
 from PIL import Image
 
+from ...datasets.mesh_writers import is_plain
 from ...geometry.mesh import Mesh
 from ...io import replacing
 
 
 def write_glb(path: Path, mesh: Mesh) -> None:
-    """One binary glTF file in metres; `Mesh.load(path, "m")` gives the same object back."""
+    """One binary glTF file in metres; `Mesh.load(path, "m")` gives the same object back.
+
+    A plain grey mesh gets no colours; one flat colour is written, and read with `allow_flat`.
+    """
     import trimesh
 
     if mesh.texture is not None:
@@ -23,7 +27,8 @@ def write_glb(path: Path, mesh: Mesh) -> None:
         )
         visual = trimesh.visual.TextureVisuals(uv=mesh.uv, material=material)
     else:
-        visual = trimesh.visual.ColorVisuals(vertex_colors=mesh.vertex_colors)
+        colors = None if is_plain(mesh) else mesh.vertex_colors
+        visual = trimesh.visual.ColorVisuals(vertex_colors=colors)
     shape = trimesh.Trimesh(
         vertices=mesh.vertices + mesh.center, faces=mesh.faces, visual=visual, process=False
     )

@@ -68,8 +68,8 @@ def write_sequence(
     The mesh's declared symmetries, if any, go into mesh.symmetry.json. `photos` (H, W, 3) uint8
     become backgrounds and textures; without them procedural pictures do. Nothing appears under
     `folder` before everything is written. An older sequence made here is replaced; any other folder
-    that holds something is refused with an `InputError`. `on_frame` is called with the number of
-    each finished frame.
+    that holds something is refused with an `InputError`, and so is a camera with a lens,
+    which is not rendered. `on_frame` is called with the number of each finished frame.
     """
     folder = Path(folder)
     _refuse_foreign(folder)
@@ -111,6 +111,11 @@ class Scene:
     ) -> None:
         if frames < 2:
             raise InputError(f"A sequence needs at least 2 frames, {frames} were asked for.")
+        if camera is not None and camera.lens is not None:
+            raise InputError(
+                f"A scene is rendered without a lens, and the camera has {camera.distortion_model} "
+                "coefficients; give camera.pinhole."
+            )
         self.difficulty = find_difficulty(difficulty)
         self.mesh = mesh
         self.frames = frames
