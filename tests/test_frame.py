@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -101,12 +102,42 @@ def test_everything_else_is_one_sentence(image: Any, words: str) -> None:
 def test_the_pixels_keep_the_lens_and_can_be_undistorted() -> None:
     camera = Camera(50, 50, 19.5, 14.5, 40, 30, (-0.2, 0.0, 0.0, 0.0))
     frame = prepare_frame(RGB, camera)
-    assert frame.camera is camera and prepare_frame(frame, CAMERA) is frame
+    assert frame.camera is camera
     assert frame.undistorted is frame.undistorted and frame.undistorted.camera.lens is None
     expected, _ = camera.undistort(torch.from_numpy(RGB).permute(2, 0, 1))
     assert torch.equal(frame.undistorted.pixels, expected)
     plain = Frame(frame.pixels, CAMERA)
     assert plain.undistorted is plain
+
+
+def test_a_frame_of_this_camera_is_returned_as_it_is() -> None:
+    lens, zeros = (replace(CAMERA, distortion=(k, 0.0, 0.0, 0.0)) for k in (-0.2, 0.0))
+    frame = prepare_frame(RGB, lens)
+    for one, camera in (
+        (frame, lens),
+        (frame, replace(lens)),
+        (frame.undistorted, lens),
+        (prepare_frame(RGB, zeros), CAMERA),
+    ):
+        assert prepare_frame(one, camera) is one
+
+
+OTHERS: dict[str, tuple[Frame, str]] = {
+    "size": (prepare_frame(WIDE, replace(CAMERA, width=80)), "Frame is 80×30 .* 40×30"),
+    "pixels": (Frame(torch.zeros(3, 30, 80), CAMERA), "Frame is 80×30 .* 40×30"),
+    "intrinsics": (prepare_frame(RGB, replace(CAMERA, fx=51, cx=20)), "other fx, cx"),
+    "lens": (
+        prepare_frame(RGB, replace(CAMERA, distortion=(-0.2, 0.0, 0.0, 0.0))),
+        "other distortion",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_frame_of_another_camera_is_refused(name: str) -> None:
+    frame, words = OTHERS[name]
+    with pytest.raises(InputError, match=words):
+        prepare_frame(frame, CAMERA)
 
 
 def test_a_copy_has_pixels_of_its_own() -> None:

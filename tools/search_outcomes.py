@@ -182,7 +182,7 @@ def near_starts(rng: np.random.Generator, target: Target) -> list[Pose]:
     """Centred poses as tracks and refinements have them: near, far, and turned by half."""
     true = target.mesh.inner(target.truth.to(torch.float64))
     diameter = torch.tensor(target.mesh.sphere_diameter, dtype=torch.float64)
-    turned = half_turned(target.mesh, true)
+    turned = half_turned(target.mesh, true) or [true]  # by symmetries alone it is where it was
     clusters = ("all_small", "all_large", "all_large")
     moves = [(true, draw_delta(rng, ClusterConfig(), name)) for name in clusters]
     moves.append((true, rng.normal(0, (5, 5, 1.5, 4, 4, 4))))

@@ -5,7 +5,7 @@ Never crops an object out of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -49,11 +49,12 @@ class Frame:
 
 
 def prepare_frame(image: ImageLike | Frame | None, camera: Camera) -> Frame:
-    """An RGB image (H, W, 3) or (3, H, W) as a `Frame`; a `Frame` is returned as it is.
+    """An RGB image (H, W, 3) or (3, H, W) as a `Frame`; a `Frame` of the camera as it is.
 
     Arrays (read-only and with any strides too), tensors and PIL images; uint8, or floating point
     in [0, 1]. Grey images become RGB, a fourth channel (alpha) is left out. Raises `InputError`
-    for anything else, for numbers that are not finite and for a size that is not the camera's.
+    for anything else, for numbers that are not finite, for a size that is not the camera's and for
+    a `Frame` of another camera; without its lens (`Frame.undistorted`) it is the same camera.
 
     >>> camera = Camera(300, 300, 160, 120, 320, 240)
     >>> frame = prepare_frame(np.zeros((240, 320, 3), np.uint8), camera)
@@ -61,6 +62,7 @@ def prepare_frame(image: ImageLike | Frame | None, camera: Camera) -> Frame:
     (3, 240, 320)
     """
     if isinstance(image, Frame):
+        _check_camera(image, camera)
         return image
     tensor = _channels_last(_tensor(image), camera)
     height, width = tensor.shape[:2]
@@ -76,6 +78,21 @@ def prepare_frame(image: ImageLike | Frame | None, camera: Camera) -> Frame:
         kind = str(tensor.dtype).removeprefix("torch.")
         raise InputError(f"Image must be uint8 or floating point in [0, 1], found {kind}.")
     return Frame(tensor.permute(2, 0, 1), camera)
+
+
+def _check_camera(frame: Frame, camera: Camera) -> None:
+    """`InputError` for a frame that this camera did not take, with its lens or undistorted."""
+    height, width = frame.pixels.shape[-2:]
+    check_size("Frame", width, height, camera)
+    own = frame.camera
+    if own == camera or (own.lens is None and own.pinhole == camera.pinhole):
+        return
+    names = [one.name for one in fields(Camera)]
+    other = ", ".join(name for name in names if getattr(own, name) != getattr(camera, name))
+    raise InputError(
+        f"Frame was prepared for a camera with other {other}; give the image itself, or prepare it "
+        "with this camera."
+    )
 
 
 def check_size(name: str, width: int, height: int, camera: Camera) -> None:

@@ -38,8 +38,8 @@ class LoopState:
     """Where the loop stands: for policies that know more than what is seen.
 
     `pose` (B) is centred, object → camera; `sphere_diameter` (B,) in metres; `target` (B,) says
-    which of the loop's targets each row is, or which group of them where several are starts for
-    one object.
+    which of the caller's targets each row is for: several rows may be starts for one of them, and
+    others may have no row.
     """
 
     pose: Pose

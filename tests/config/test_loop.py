@@ -16,6 +16,13 @@ def test_the_limit_of_iterations_is_the_modes_unless_it_is_given() -> None:
     assert LoopConfig(max_iterations=3).limit(ActionMode.SINGLE) == 3
 
 
+def test_the_difference_of_poses_is_in_step_sizes_for_single_actions_only() -> None:
+    loop = LoopConfig(step_size=0.4, revisit_delta=0.3)
+    assert loop.same_pose(ActionMode.SINGLE) == pytest.approx(0.12)
+    assert loop.same_pose(ActionMode.ALL_AXES) == 0.3
+    assert LoopConfig().same_pose(ActionMode.SINGLE) == 0.5
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [

@@ -94,6 +94,22 @@ def test_an_object_that_just_looks_into_the_image_is_no_error(brick: Mesh) -> No
     assert found == pytest.approx(CONFIG.calibration.share, abs=0.1)
 
 
+@pytest.mark.parametrize("target", [0, 1])
+def test_every_row_is_of_the_target_that_is_calibrated(brick: Mesh, target: int) -> None:
+    far = Pose(TRUTH.rotation, 1.02 * TRUTH.translation)
+    policy = OraclePolicy(Pose.stack([*([far] * target), TRUTH]), ActionMode.ALL_AXES)
+    frame = prepare_frame(GRAY, CAMERA)
+    found = depth_bias(Start(frame, brick, TRUTH), policy, make_renderer(), CONFIG, target)
+    assert found == pytest.approx(0, abs=0.01), "the policy makes no error"
+
+
+def test_a_tracker_with_the_oracle_can_be_calibrated(brick: Mesh) -> None:
+    policy = OraclePolicy(Pose.stack([TRUTH]), ActionMode.ALL_AXES)
+    tracker = PoseTracker(brick, CAMERA, brick.outer(TRUTH), policy=policy, config=NO_CONTOUR)
+    tracker.calibrate(GRAY)
+    assert tracker.tracks[0].depth_bias == pytest.approx(0, abs=0.01)
+
+
 def test_a_tracker_that_has_learnt_does_without_most_of_it(brick: Mesh) -> None:
     policy = TooNear(TRUTH, 1.5)
     for learns, expected in ((False, -1.5), (True, (CONFIG.calibration.share - 1) * 1.5)):

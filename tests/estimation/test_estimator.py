@@ -8,11 +8,12 @@ import torch
 
 from moveit6d.config import ActionMode, LoopConfig, TrackerConfig
 from moveit6d.errors import InputError
-from moveit6d.estimation import PoseEstimator
+from moveit6d.estimation import PoseEstimator, Target, refine_single
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import OraclePolicy
+from moveit6d.rendering.backends import make_renderer
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
 GRAY = np.full((240, 320, 3), 128, np.uint8)
@@ -65,3 +66,13 @@ def test_bytes_floats_and_lenses_lead_to_the_truth(
 def test_augmentation_is_one_more_iteration(brick: Mesh) -> None:
     without, with_it = (estimator(brick, augment=a).refine(GRAY, START) for a in (False, True))
     assert with_it.iterations == without.iterations + 1
+
+
+def test_what_cannot_be_seen_does_not_change_which_target_another_is(brick: Mesh) -> None:
+    behind = Pose(START.rotation, -START.translation)
+    other = Pose(TRUTH.rotation, torch.tensor([-0.01, 0.01, 0.72], dtype=torch.float64))
+    policy = OraclePolicy(Pose.stack([brick.inner(other), brick.inner(TRUTH)]), ActionMode.ALL_AXES)
+    targets = [Target(GRAY, CAMERA, brick, pose) for pose in (behind, START)]
+    failed, found = refine_single(targets, policy=policy, renderer=make_renderer())
+    assert failed.pose is None and found.pose is not None
+    assert float((found.pose.translation - TRUTH.translation).norm()) < 0.001

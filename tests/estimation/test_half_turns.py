@@ -13,7 +13,8 @@ from moveit6d.errors import InputError
 from moveit6d.estimation import StopReason, TrackingResult
 from moveit6d.estimation.detection import Detection, Evidence, FoundPose
 from moveit6d.estimation.detection.steps import Steps, finish
-from moveit6d.estimation.half_turns import HalfTurnCheck, half_turned
+from moveit6d.estimation.half_turns import HalfTurnCheck, half_turned, is_turned_over
+from moveit6d.geometry.rotation import exp_so3
 
 
 def test_a_half_turn_keeps_the_box_in_its_place(scene: Any) -> None:
@@ -32,6 +33,28 @@ def test_evidence_adds_up_and_starts_anew_after_a_change() -> None:
     assert check.better(0.99, [0.9999999, 0.2, 0.992]) == 0
     assert check.better(0.99, [0.98, 0.2, 0.992]) is None
     assert check.better(0.99, [0.98, 0.2, 0.994]) == 2
+
+
+def test_evidence_of_a_pose_that_was_left_does_not_count() -> None:
+    check = HalfTurnCheck(RecoveryConfig(half_turn_evidence=0.5))
+    assert check.better(0.99, [0.992, 0.2, 0.3]) is None
+    check.restart()
+    assert check.better(0.99, [0.993, 0.2, 0.3]) is None
+    assert check.better(0.99, [0.993, 0.2, 0.3]) == 0
+
+
+def test_fewer_half_turns_where_some_are_symmetries() -> None:
+    check = HalfTurnCheck(RecoveryConfig(half_turn_evidence=0.5))
+    assert check.better(0.99, []) is None
+    assert check.better(0.5, [0.9]) == 0
+
+
+def test_turned_over_is_more_than_a_quarter_turn() -> None:
+    still = torch.zeros(3, dtype=torch.float64)
+    for degrees in (0, 89, 91, 180):
+        turn = torch.deg2rad(torch.tensor([0.0, degrees, 0.0], dtype=torch.float64))
+        one, other = Pose(exp_so3(turn), still), Pose(exp_so3(still), still)
+        assert is_turned_over(one, other) is (degrees > 90)
 
 
 def test_never_if_it_is_switched_off() -> None:

@@ -12,7 +12,7 @@ from moveit6d.actions import PoseAction, pose_delta
 from moveit6d.config import ActionMode, LoopConfig
 from moveit6d.errors import RenderingUnavailable
 from moveit6d.estimation import StopReason, Target, refine_batch
-from moveit6d.estimation.refine import refine_starts
+from moveit6d.estimation.refine import once_more, refine_starts
 from moveit6d.estimation.results import Start, starts_of
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.crop import Crop
@@ -277,6 +277,39 @@ def test_starts_out_of_sight_fail_alone(brick: Mesh, place: list[float], message
     assert failed.pose is None and failed.stopped_by is StopReason.FAILED
     assert failed.error is not None and re.search(message, failed.error)
     assert fine.pose is not None, "one start that cannot be seen fails alone"
+
+
+@pytest.mark.parametrize("step_size", [0.2, 0.4, 3.0])
+def test_single_actions_of_any_length_reach_the_truth(brick: Mesh, step_size: float) -> None:
+    targets, truth = some_targets(brick, 3, cluster="all_small")
+    results = refine_batch(
+        targets,
+        policy=OraclePolicy(truth, ActionMode.SINGLE),
+        renderer=make_renderer(),
+        loop=limited(200, step_size),
+    )
+    for i, result in enumerate(results):
+        assert counts_left(brick, result.pose, truth[i]) < 0.5 + step_size
+
+
+def test_rows_may_be_of_any_targets(brick: Mesh) -> None:
+    targets, truth = some_targets(brick, 3, cluster="all_small")
+    tools = {"policy": OraclePolicy(truth, ActionMode.ALL_AXES), "renderer": make_renderer()}
+    starts = starts_of([targets[2], targets[1], targets[2]])
+    for one, target in zip(
+        refine_starts(starts, targets=[2, 1, 2], **tools), (2, 1, 2), strict=True
+    ):
+        assert one.centred is not None
+        assert counts_left(brick, brick.outer(one.centred), truth[target]) < 0.5
+    results = [
+        replace(one, centred=None if i == 0 else one.centred)
+        for i, one in enumerate(refine_starts(starts_of(targets), **tools))
+    ]
+    again = once_more(starts_of(targets), results, loop=LoopConfig(), **tools)
+    assert sorted(again) == [1, 2]
+    for target, one in again.items():
+        assert one.centred is not None
+        assert counts_left(brick, brick.outer(one.centred), truth[target]) < 0.5
 
 
 class _Knowing(OraclePolicy):

@@ -92,6 +92,26 @@ def test_a_pose_that_was_seen_before_ends_the_loop(brick: Mesh) -> None:
             assert found.stopped_by is StopReason.REVISITED and found.confidence > 0.8
 
 
+@pytest.mark.parametrize(
+    ("mode", "step_size", "ended"),
+    [
+        (ActionMode.SINGLE, 1.0, True),
+        (ActionMode.SINGLE, 0.4, False),
+        (ActionMode.SINGLE, 1.8, True),
+        (ActionMode.ALL_AXES, 0.4, True),
+    ],
+)
+def test_single_actions_come_again_by_their_length(
+    brick: Mesh, mode: ActionMode, step_size: float, ended: bool
+) -> None:
+    unit = brick.sphere_diameter * PADDING / PATCH_SIZE
+    loop = LoopConfig(fine_stage=False, step_size=step_size)
+    schedule = Schedule(starts(brick, 0.0), loop, mode, None)
+    for x in (0.0, 0.4 * unit):
+        advance(schedule, brick, [x], 9.0, [0.5])
+    assert (len(schedule.active) == 0) == ended
+
+
 def test_without_the_fine_stage_no_start_is_in_it(brick: Mesh) -> None:
     given = starts(brick, 0.0, fine=True)
     assert bool(Schedule(given, LoopConfig(), ActionMode.ALL_AXES, None).fine[0])

@@ -1,15 +1,19 @@
 """Where the next frame starts: constant velocity against SciPy, and what is remembered."""
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
 from moveit6d.actions import pose_delta
-from moveit6d.config import TrackerConfig
+from moveit6d.config import KeyframeConfig, TrackerConfig
 from moveit6d.contour import ColourHistograms
+from moveit6d.estimation.keyframes import KeyframeMemory
 from moveit6d.estimation.track_state import TrackState
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
+from moveit6d.geometry.symmetry import Symmetries
 from tests.support.configs import HIGH_CONFIDENCE, LOW_CONFIDENCE
 
 MOTION = TrackerConfig().motion
@@ -152,3 +156,18 @@ def test_recovery_starts_become_rare_while_the_confidence_stays_low(brick: Mesh)
     assert due == [True, True, False, False, True] + [False, False, True] * 2 + [False]
     track.add(moving(brick, 0), LOW_CONFIDENCE)
     assert track.is_recovery_due() and track.frames_low == 0
+
+
+def test_a_new_beginning_keeps_what_is_known_and_takes_the_equivalent_nearest_to_the_last(
+    brick: Mesh,
+) -> None:
+    turn = np.diag([1.0, -1.0, -1.0, 1.0])
+    turn[:3, 3] = brick.center - turn[:3, :3] @ brick.center
+    box = replace(brick, symmetries=Symmetries(turn[None]))
+    config = TrackerConfig(keyframes=KeyframeConfig(enabled=True))
+    track = TrackState.begin(box, moving(box, 0), config)
+    track.depth_bias, sure = 0.4, KeyframeMemory(config.keyframes)
+    over = moving(box, 1).rotation @ torch.from_numpy(turn[:3, :3])
+    again = track.begin_again(Pose(over, moving(box, 1).translation), sure)
+    torch.testing.assert_close(again.centred.matrix, moving(box, 1).matrix)
+    assert again.depth_bias == 0.4 and again.keyframes is again.sure_keyframes is sure

@@ -1,16 +1,23 @@
 """The tracker and the estimator: several objects, bad frames, wrong images."""
 
 import dataclasses
+from collections.abc import Sequence
+from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 import torch
 
 from moveit6d.actions import PoseAction, pose_delta
-from moveit6d.config import ActionMode
+from moveit6d.config import ActionMode, KeyframeConfig, RecoveryConfig, TrackerConfig
 from moveit6d.contour import ColourHistograms, refine_contour
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseTracker, StopReason
+from moveit6d.estimation.detection import TemplateStore
+from moveit6d.estimation.half_turns import HalfTurnCheck
+from moveit6d.estimation.keyframes import KeyframeMemory
+from moveit6d.estimation.results import Refined, Start
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
@@ -18,10 +25,11 @@ from moveit6d.geometry.rotation import exp_so3, log_so3
 from moveit6d.geometry.symmetry import ContinuousSymmetry, Symmetries
 from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.observation import Observation
-from moveit6d.policies import LoopState, OraclePolicy
+from moveit6d.policies import LoopState, OraclePolicy, load_policy
 from moveit6d.rendering.backends import make_renderer
 from tests.support import pictures
 from tests.support.configs import ALWAYS_CONTOUR, LOOP_ONLY, LOW_CONFIDENCE, NO_CONTOUR
+from tests.support.meshes import box_arrays
 from tests.support.near_sighted import NearSighted
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
@@ -284,3 +292,118 @@ def test_an_object_of_revolution_does_not_spin(brick: Mesh) -> None:
     spin = log_so3(result.pose.rotation)
     assert spin[2].abs() < 1e-2 and spin[0] == pytest.approx(0.02, abs=2e-3)
     torch.testing.assert_close(can.inner(result.pose).translation, turned.translation)
+
+
+def test_evidence_for_half_turns_ends_with_the_pose_it_is_of(brick: Mesh) -> None:
+    never = RecoveryConfig(half_turn_frames=0)
+    here = exp_so3(torch.zeros(3, dtype=torch.float64))
+    over = exp_so3(torch.tensor([0.0, 0.0, 3.1], dtype=torch.float64))
+    for place, turn, kept in ((0.0, here, True), (0.047, here, False), (0.0, over, False)):
+        policy = NearSighted(brick.inner(Pose(turn, at(place).translation)), 21.0, doubt=0.3)
+        tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, config=NO_CONTOUR)
+        if turn is over:
+            policy.reach = 1e3
+        check = HalfTurnCheck(never, _evidence=[0.4, 0.0, 0.0])
+        tracker.supervisors[0].check = check
+        tracker.update(GRAY)
+        assert check._evidence == ([0.4, 0.0, 0.0] if kept else [])
+
+
+def test_what_is_done_to_poses_given_and_taken_does_not_move_a_track(brick: Mesh) -> None:
+    start = at(0.0)
+    policy = OraclePolicy(Pose.stack([brick.inner(at(0.0))]), ActionMode.ALL_AXES)
+    tracker = PoseTracker(brick, CAMERA, start, policy=policy, config=LOOP_ONLY)
+    result = tracker.update(GRAY)
+    assert result.pose is not None
+    for pose in (start, result.pose, tracker.poses[0]):
+        pose.rotation.numpy()[1:] *= -1
+        pose.translation.numpy()[:] = 9
+        torch.testing.assert_close(tracker.poses[0].matrix, at(0.0).matrix)
+
+
+class Banks(TemplateStore):
+    """Prepares nothing, and notes the number of threads it would have."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.threads: list[tuple[int, int]] = []
+
+    def get(self, *arguments: Any) -> Any:
+        self.threads.append((torch.get_num_threads(), cv2.getNumThreads()))
+
+
+def test_meshes_are_prepared_with_the_trackers_threads(brick: Mesh) -> None:
+    before, banks = (torch.get_num_threads(), cv2.getNumThreads()), Banks()
+    torch.set_num_threads(3)
+    cv2.setNumThreads(2)
+    try:
+        config = TrackerConfig(recovery=RecoveryConfig(max_milliseconds=5.0))
+        policy = load_policy()
+        tracker = PoseTracker(brick, CAMERA, policy=policy, config=config, store=banks)
+        tracker.reset(None)
+        assert banks.threads and set(banks.threads) == {(1, 1)}
+        assert (torch.get_num_threads(), cv2.getNumThreads()) == (3, 2)
+    finally:
+        torch.set_num_threads(before[0])
+        cv2.setNumThreads(before[1])
+
+
+class Found:
+    """Stands in for a second look: it has found a pose."""
+
+    def __init__(self, centred: Pose) -> None:
+        self.centred, self.starts = centred, list[Start]()
+
+    def better(self, start: Start, confidence: float, taken: Sequence[Pose]) -> Refined:
+        self.starts.append(start)
+        return Refined(self.centred, 1, StopReason.STOP_ACTION, 0.95, 1.0)
+
+
+def test_a_second_look_at_a_symmetric_object_does_not_turn_it_over(brick: Mesh) -> None:
+    turn = np.diag([1.0, -1.0, -1.0, 1.0])
+    turn[:3, 3] = brick.center - turn[:3, :3] @ brick.center
+    box = dataclasses.replace(brick, symmetries=Symmetries(turn[None]))
+    policy = OraclePolicy(Pose.stack([box.inner(at(0.0))]), ActionMode.ALL_AXES)
+    tracker = PoseTracker(box, CAMERA, at(0.0), policy=policy, config=LOOP_ONLY)
+    over = Pose(torch.from_numpy(turn[:3, :3]), box.inner(at(0.0)).translation)
+    tracker.supervisors[0].look = Found(over)  # type: ignore[assignment]
+    result = tracker.update(GRAY)
+    assert result.pose is not None
+    torch.testing.assert_close(result.pose.matrix, at(0.0).matrix, atol=1e-6, rtol=0)
+
+
+def test_a_second_look_knows_the_keyframes_and_those_of_a_wrong_pose_are_forgotten() -> None:
+    vertices, faces, _, _ = box_arrays()
+    plain = Mesh.from_arrays("plain", vertices, faces)
+    policy = OraclePolicy(Pose.stack([plain.inner(at(0.0))]), ActionMode.ALL_AXES)
+    config = dataclasses.replace(LOOP_ONLY, keyframes=KeyframeConfig(enabled=True))
+    tracker = PoseTracker(plain, CAMERA, at(0.0), policy=policy, config=config)
+    tracker.calibrate(GRAY)
+    exact = tracker.tracks[0].keyframes
+    assert exact is not None and len(exact.kept) == 1
+    tracker.tracks[0].keyframes = exact.add(exact.kept[0])
+    look = Found(plain.inner(at(0.0)))
+    tracker.supervisors[0].look = look  # type: ignore[assignment]
+    tracker.update(GRAY)
+    (start,) = look.starts
+    assert start.keyframes is not None and len(start.keyframes.kept) == 2
+    assert tracker.tracks[0].keyframes is exact
+
+
+def test_half_turns_are_shown_what_the_pose_is_shown(
+    brick: Mesh, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    starts: list[Start] = []
+
+    def refined(start: Start, **options: Any) -> list[Refined]:
+        starts.append(start)
+        return [Refined(start.centred, 1, StopReason.STOP_ACTION, 0.1, 1.0)] * 3
+
+    monkeypatch.setattr("moveit6d.estimation.tracker.refined_half_turns", refined)
+    policy = OraclePolicy(Pose.stack([brick.inner(at(0.0))]), ActionMode.ALL_AXES)
+    tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, config=LOOP_ONLY)
+    known = KeyframeMemory(KeyframeConfig())
+    tracker.tracks[0].keyframes = known
+    tracker.supervisors[0].check = HalfTurnCheck()
+    tracker.update(GRAY)
+    assert [start.keyframes for start in starts] == [known]

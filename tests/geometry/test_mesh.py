@@ -9,6 +9,7 @@ from PIL import Image
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh, bounding_sphere, largest_distance, sphere_diameters
 from moveit6d.geometry.pose import Pose
+from moveit6d.geometry.symmetry import ContinuousSymmetry, Symmetries
 from tests.support import meshes
 from tests.support.trimeshes import TEXTURE, colored, textured
 
@@ -180,6 +181,43 @@ def test_inner_and_outer_undo_each_other_and_show_the_same_points():
     torch.testing.assert_close(
         inner.transform(centred), outer.transform(in_file), atol=1e-6, rtol=0
     )
+
+
+@pytest.mark.parametrize("way", ["inner", "outer"])
+def test_a_pose_in_the_other_frame_is_a_copy(way):
+    pose = Pose(torch.eye(3).double(), torch.tensor([0, 0, 1.0]).double())
+    other = getattr(meshes.colored_box(), way)(pose)
+    other.rotation.numpy()[1:] *= -1
+    other.translation.numpy()[:] = 7
+    assert torch.equal(pose.rotation, torch.eye(3).double()) and pose.translation[2] == 1
+
+
+def test_a_mesh_keeps_its_own_texture():
+    texture = np.full((4, 4, 3), 200, np.uint8)
+    mesh = meshes.textured_box(texture)
+    texture[:] = 0
+    assert (mesh.texture == 200).all()
+
+
+def test_half_turns_that_are_symmetries_are_left_out():
+    vertices, faces, _, _ = meshes.box_arrays((0.1, 0.06, 0.04))
+    offset = np.array([0.3, -0.2, 0.1])
+
+    def left(discrete=(), continuous=()):
+        motions = np.array([np.diag([*signs, 1.0]) for signs in discrete]).reshape(-1, 4, 4)
+        motions[:, :3, 3] = offset - motions[:, :3, :3] @ offset
+        mesh = Mesh.from_arrays(
+            "box", vertices + offset, faces, symmetries=Symmetries(motions, continuous)
+        )
+        return sorted(np.diag(turn)[:3].round(6).tolist() for turn in mesh.half_turns)
+
+    x, y, z = [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]
+    assert left() == [z, y, x]
+    assert left([x]) == [z, y]
+    assert left([x, y, z]) == []
+    axis = ContinuousSymmetry(np.array([0.0, 0.0, 1.0]), offset)
+    assert left(continuous=(axis,)) == [y, x]
+    assert left([x], (axis,)) == []
 
 
 def test_meshes_are_equal_only_to_themselves():

@@ -43,7 +43,8 @@ class LoopConfig:
         stop_delta: in mode all_axes the loop also stops once the delta is below this on every axis,
             in step sizes.
         revisit_delta: a pose that differs from an earlier one by less than this on every axis, in
-            action units, is the same, and ends the loop.
+            action units, is the same, and ends the loop; in step sizes in mode single, where they
+            are smaller.
         width_error: standard deviation of an object's width in the image, pixels, that mesh, lens
             and intrinsics leave open; real data sets call their true poses good to 1 to 2 pixels.
             Only the reported localizability depends on it.
@@ -83,3 +84,7 @@ class LoopConfig:
     def limit(self, mode: ActionMode) -> int:
         """The limit of iterations in a mode."""
         return MAX_ITERATIONS[mode] if self.max_iterations is None else self.max_iterations
+
+    def same_pose(self, mode: ActionMode) -> float:
+        """Action units below which, on every axis, a pose is an earlier one again in a mode."""
+        return self.revisit_delta * (min(1, self.step_size) if mode is ActionMode.SINGLE else 1)

@@ -384,8 +384,8 @@ class TrackerConfig:
         return dataclasses.asdict(self)
 
 
-# The paper's method without anything beyond it, but that a video's frames also start where the motion
-# leads (`MotionConfig`); the paper starts at the last pose alone.
+# The paper's method without anything beyond it, but that a video's frames also start where the
+# motion leads (`MotionConfig`); the paper starts at the last pose alone.
 PAPER_CONFIG = TrackerConfig(
     loop=LoopConfig(mode="single", fine_stage=False, augment=False),
     multi_start=MultiStartConfig(enabled=False),

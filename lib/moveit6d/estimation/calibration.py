@@ -20,11 +20,13 @@ from .refine import refine_starts
 from .results import Start
 
 
-def depth_bias(exact: Start, policy: Policy, renderer: Renderer, config: TrackerConfig) -> float:
+def depth_bias(
+    exact: Start, policy: Policy, renderer: Renderer, config: TrackerConfig, target: int = 0
+) -> float:
     """By how many units of t_z the policy's updates will lead past the object in later frames.
 
-    Read at a start whose pose is exact. 0 in mode single, which has no delta to correct, and
-    without the fine stage.
+    Read at a start whose pose is exact, for the policy one of the target with this number. 0 in
+    mode single, which has no delta to correct, and without the fine stage.
     """
     settings, loop = config.calibration, config.loop
     if mode_of(policy, loop.mode) is ActionMode.SINGLE or not loop.fine_stage:
@@ -36,11 +38,9 @@ def depth_bias(exact: Start, policy: Policy, renderer: Renderer, config: Tracker
         for action in map(_action, np.concatenate([offsets, -offsets]))
     ]
     once = replace(loop, max_iterations=1)
-    ends = [
-        refined.centred
-        for refined in refine_starts(starts, policy=policy, renderer=renderer, loop=once)
-        if refined.centred is not None
-    ]
+    targets = [target] * len(starts)
+    refined = refine_starts(starts, policy=policy, renderer=renderer, loop=once, targets=targets)
+    ends = [one.centred for one in refined if one.centred is not None]
     past = [float(pose_delta(exact.centred, end, diameter / loop.fine_scale)[2]) for end in ends]
     if not past:
         return 0.0

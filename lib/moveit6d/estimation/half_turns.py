@@ -23,7 +23,10 @@ from .states import log_odds
 
 
 def half_turned(mesh: Mesh, centred: Pose) -> list[Pose]:
-    """The three centred poses of an object that is turned by half where it is."""
+    """The centred poses of an object that is turned by half where it is: three at most.
+
+    Turned by a declared symmetry it is where it was.
+    """
     found = []
     for motion in mesh.half_turns:
         turn = torch.from_numpy(motion).to(centred.rotation)
@@ -40,6 +43,12 @@ def refined_half_turns(
     return refine_starts(starts, policy=policy, renderer=renderer, loop=loop)
 
 
+def is_turned_over(before: Pose, after: Pose) -> bool:
+    """Whether a pose is turned by more than a quarter turn from another."""
+    trace = float((before.rotation * after.rotation).sum())  # 1 + 2 cos(angle)
+    return trace < 1
+
+
 @dataclass
 class HalfTurnCheck:
     """The comparison of a pose that was found with its half turns, over the frames after.
@@ -51,7 +60,11 @@ class HalfTurnCheck:
 
     config: RecoveryConfig = field(default_factory=RecoveryConfig)
     _frames: int = 0
-    _evidence: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    _evidence: list[float] = field(default_factory=list)
+
+    def restart(self) -> None:
+        """Forget all frames so far: the object is followed from another pose."""
+        self._evidence = []
 
     def is_due(self) -> bool:
         """Whether the half turns are to be tried in this frame; to be asked once a frame."""
@@ -64,12 +77,15 @@ class HalfTurnCheck:
 
         None for the pose itself. After a change the comparison starts anew.
         """
+        if not turned:
+            return None
+        known = self._evidence or [0.0] * len(turned)
         self._evidence = [
-            known + log_odds(one) - log_odds(own)
-            for known, one in zip(self._evidence, turned, strict=True)
+            so_far + log_odds(one) - log_odds(own)
+            for so_far, one in zip(known, turned, strict=True)
         ]
         best = max(range(len(turned)), key=self._evidence.__getitem__)
         if self._evidence[best] <= self.config.half_turn_evidence:
             return None
-        self._evidence = [0.0] * len(turned)
+        self.restart()
         return best

@@ -14,12 +14,14 @@ import torch
 
 from ..actions import PoseAction
 from ..config import ActionMode, PerturbationConfig, TrackerConfig
+from ..frame import Frame
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..policies import Policy, mode_of
 from ..rendering.renderer import Renderer
 from .refine import refine_starts
 from .results import Refined, Start
+from .track_state import TrackState
 
 
 def refine_multi_start(
@@ -73,6 +75,7 @@ def most_confident(
             renderer=renderer,
             loop=config.loop,
             groups=owners if race else None,
+            targets=owners,
         )
         for i, end in zip(dict.fromkeys(owners) if race else owners, ends, strict=True):
             if end.centred is not None and end.confidence > found[i].confidence:
@@ -95,6 +98,21 @@ def _others(
         here = replace(start, centred=result.centred)
         others += perturbed_starts(here, config.multi_start.around_result, random)
     return others
+
+
+def start_at(frame: Frame, track: TrackState, centred: Pose) -> Start:
+    """A start from another pose of a track, which shows the policy what that of the track shows."""
+    return Start(frame, track.mesh, centred, track.depth_bias, keyframes=track.keyframes)
+
+
+def recovery_starts(frame: Frame, track: TrackState) -> list[Start]:
+    """Perturbed starts around the recovery poses of a track."""
+    around = track.config.multi_start.recovery
+    return [
+        start
+        for centred in track.recovery_poses()
+        for start in perturbed_starts(start_at(frame, track, centred), around, track.random)
+    ]
 
 
 def perturbed_starts(

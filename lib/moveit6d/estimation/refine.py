@@ -49,16 +49,20 @@ def refine_starts(
     renderer: Renderer,
     loop: LoopConfig = DEFAULT,
     groups: Sequence[int] | None = None,
+    targets: Sequence[int] | None = None,
 ) -> list[Refined]:
     """`refine_batch` for starts.
 
     `groups` numbers starts for one object: after the first iteration only the most confident of
-    each group goes on, and the results are one per group, in the order of the starts.
+    each group goes on, and the results are one per group, in the order of the starts. `targets`
+    are the numbers by which the policy knows the starts (`LoopState.target`): those of the groups
+    if None, or without groups those of the rows.
     """
     if not starts:
         return []
     mode = mode_of(policy, loop.mode)
     schedule = Schedule(starts, loop, mode, groups)
+    numbers = schedule.groups if targets is None else torch.as_tensor(targets)
     pose = Pose.stack([start.centred for start in starts])
     size = sphere_diameters(start.mesh for start in starts)
     depth_bias = torch.tensor([start.depth_bias for start in starts])
@@ -68,7 +72,7 @@ def refine_starts(
         observation = observe(frames, meshes, current, diameter, renderer, policy.crop)
         keyframes = [starts[i].keyframes for i in rows]
         observation = recall(observation, keyframes, meshes, current, diameter, policy.crop)
-        state = LoopState(current, diameter, schedule.groups[rows])
+        state = LoopState(current, diameter, numbers[rows])
         output = policy.predict(observation, state)
         output = _without_bias(output, depth_bias[rows] * schedule.fine[rows])
         action = to_action(output, mode, loop.step_size, loop.stop_delta)
@@ -93,6 +97,7 @@ def once_more(
         policy=policy,
         renderer=renderer,
         loop=replace(loop, max_iterations=1),
+        targets=[i for i, _ in rows],
     )
     return {i: end for (i, _), end in zip(rows, ends, strict=True)}
 

@@ -6,8 +6,9 @@ inside, poses are centred and called so (`Start`, `Refined`), and are converted 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import torch
@@ -131,3 +132,8 @@ def starts_of(targets: Sequence[Target]) -> list[Start]:
         centred = target.mesh.inner(target.pose.to(torch.float64))
         starts.append(Start(prepared[key], target.mesh, centred))
     return starts
+
+
+def timed(result: TrackingResult, begin: float) -> TrackingResult:
+    """The result with the time since the frame came: what the caller waited for it."""
+    return replace(result, milliseconds=(time.perf_counter() - begin) * 1e3)

@@ -25,8 +25,8 @@ from .visibility import start_problem
 class Trajectory:
     """The centred poses that one start has visited, and whether the next one ends its loop."""
 
-    def __init__(self, start: Start, loop: LoopConfig) -> None:
-        self.start, self.loop = start, loop
+    def __init__(self, start: Start, loop: LoopConfig, mode: ActionMode) -> None:
+        self.start, self.loop, self.mode = start, loop, mode
         self.error = ""
         self.poses: list[Pose] = []
         self.confidences: list[float] = []
@@ -75,7 +75,7 @@ class Trajectory:
         return Refined(centred, iterations, reason, confidence, milliseconds, localizability=known)
 
     def _revisited(self, centred: Pose, diameter: Tensor) -> int | None:
-        """The first earlier pose that is the same to `revisit_delta` on every axis."""
+        """The first earlier pose that is the same (`LoopConfig.revisit_delta`)."""
         if not self.poses:
             return None
         earlier = Pose.stack(self.poses)
@@ -84,7 +84,7 @@ class Trajectory:
             centred.translation.expand_as(earlier.translation),
         )
         delta = pose_delta(here, earlier, diameter.expand(len(earlier)))
-        same = (delta.abs().amax(-1) < self.loop.revisit_delta).nonzero()
+        same = (delta.abs().amax(-1) < self.loop.same_pose(self.mode)).nonzero()
         return int(same[0, 0]) if len(same) else None
 
 
@@ -104,7 +104,7 @@ class Schedule:
     ) -> None:
         self.begin, self.loop, self.limit = time.perf_counter(), loop, loop.limit(mode)
         self.coarse_to_fine = loop.fine_stage and mode is ActionMode.ALL_AXES
-        self.trajectories = [Trajectory(start, loop) for start in starts]
+        self.trajectories = [Trajectory(start, loop, mode) for start in starts]
         self.outcomes: list[Refined | None] = [_unseen(start) for start in starts]
         fine = [self.coarse_to_fine and start.fine for start in starts]
         self.scale = torch.tensor([loop.fine_scale if one else 1.0 for one in fine])

@@ -34,7 +34,8 @@ class TrackState:
     `above_low` and `above_high` say which thresholds the last confidence reached, `slow` that the
     object is confidently tracked and hardly moved. `histograms` are the colours of the object and
     its surroundings, `depth_bias` what the policy is known to be off by (`calibration`),
-    `keyframes` what the object looked like, None where that is not remembered.
+    `keyframes` what the object looked like, None where that is not remembered, and
+    `sure_keyframes` those that do not rest on the pose that the track began with.
     """
 
     mesh: Mesh
@@ -51,6 +52,7 @@ class TrackState:
     histograms: ColourHistograms | None = None
     depth_bias: float = 0.0
     keyframes: KeyframeMemory | None = None
+    sure_keyframes: KeyframeMemory | None = None
     random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     @staticmethod
@@ -58,7 +60,19 @@ class TrackState:
         """A track that starts at a pose which is taken to be right."""
         remembers = config.keyframes.enabled and not mesh.has_colours
         keyframes = KeyframeMemory(config.keyframes) if remembers else None
-        return TrackState(mesh, centred, centred, config, keyframes=keyframes)
+        track = TrackState(mesh, centred, centred, config)
+        track.keyframes = track.sure_keyframes = keyframes
+        return track
+
+    def begin_again(self, centred: Pose, keyframes: KeyframeMemory | None) -> TrackState:
+        """A track from another pose, which is taken to be right; what is known of colours stays.
+
+        `keyframes` are those that are right whatever becomes of that pose.
+        """
+        again = TrackState.begin(self.mesh, self.nearest_equivalent(centred), self.config)
+        again.histograms, again.depth_bias = self.histograms, self.depth_bias
+        again.keyframes = again.sure_keyframes = keyframes
+        return again
 
     @property
     def pose(self) -> Pose:
@@ -100,7 +114,7 @@ class TrackState:
 
         Of a symmetric object's poses it is the one turned least from the last: no can spins.
         """
-        after = self._nearest_equivalent(centred)
+        after = self.nearest_equivalent(centred)
         before, was_above_high = self.centred, self.above_high
         self.above_low = confidence >= self.config.low_confidence
         self.above_high = confidence >= self.config.high_confidence
@@ -117,6 +131,13 @@ class TrackState:
             self.last_confident, self.frames_unconfident = after, 0
             self._update_mean_velocity()
 
+    def nearest_equivalent(self, centred: Pose) -> Pose:
+        """The equivalent of a pose that is turned least from the last one."""
+        if self.mesh.symmetries.is_trivial:
+            return centred
+        pose, last = self.mesh.outer(centred), self.pose
+        return self.mesh.inner(nearest_equivalent(pose, last, self.mesh.symmetries))
+
     def update_histograms(self, histograms: ColourHistograms | None) -> None:
         """Blend in the colours of a frame, if there are any and its confidence was not low."""
         if histograms is not None and self.above_low:
@@ -128,13 +149,6 @@ class TrackState:
         self.above_low, self.above_high, self.slow, self.velocity = False, False, False, None
         self.frames_unconfident += 1
         self.frames_low += 1
-
-    def _nearest_equivalent(self, centred: Pose) -> Pose:
-        """The equivalent of a pose that is turned least from the last one."""
-        if self.mesh.symmetries.is_trivial:
-            return centred
-        pose, last = self.mesh.outer(centred), self.pose
-        return self.mesh.inner(nearest_equivalent(pose, last, self.mesh.symmetries))
 
     def _update_mean_velocity(self) -> None:
         """The mean of the last velocities; none after a gap, in which it may have changed."""

@@ -23,17 +23,18 @@ from ..policies import Policy
 from ..rendering.renderer import Renderer
 from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
+from .apart import Instances
 from .calibration import depth_bias
 from .contour_stage import refine_result
 from .detection import PoseDetector, TemplateStore, can_search
 from .detection.instances import same_meshes
-from .half_turns import refined_half_turns
+from .half_turns import is_turned_over, refined_half_turns
 from .inputs import camera_of, meshes_of, policy_of, renderer_of, start_poses_of
-from .keyframes import Keyframe
-from .multi_start import most_confident, perturbed_starts, uses_multi_start
+from .keyframes import Keyframe, KeyframeMemory
+from .multi_start import most_confident, recovery_starts, start_at, uses_multi_start
 from .recovery import Supervisor
 from .refine import refine_starts
-from .results import Refined, Start, TrackingResult
+from .results import Refined, Start, TrackingResult, timed
 from .second_look import SecondLook
 from .states import TrackingState
 from .track_state import TrackState
@@ -137,6 +138,7 @@ class PoseTracker(Generic[Results]):
         """Where each object was found last, mesh file's frame; of no use for one never found."""
         return [track.pose for track in self.tracks]
 
+    @with_own_threads
     def reset(self, poses: Starts) -> None:
         """Go on from these poses, one an object, mesh file's frame; what was found is forgotten.
 
@@ -191,8 +193,9 @@ class PoseTracker(Generic[Results]):
         frame = prepare_frame(image, self.camera)
         if any(supervisor.lost for supervisor in self.supervisors):
             raise InputError("There is nothing to calibrate from while an object is lost.")
-        for track in self.tracks:
+        for number, track in enumerate(self.tracks):
             self._remember(frame, track, 1.0)
+            track.sure_keyframes = track.keyframes
             exact = Start(frame, track.mesh, track.centred, keyframes=track.keyframes)
             track.histograms = histograms_at(
                 frame.pixels,
@@ -203,7 +206,7 @@ class PoseTracker(Generic[Results]):
                 self.config.contour,
                 frame.camera.lens,
             )
-            track.depth_bias = depth_bias(exact, self.policy, self.renderer, self.config)
+            track.depth_bias = depth_bias(exact, self.policy, self.renderer, self.config, number)
 
     @with_own_threads
     def update(self, image: ImageLike | Frame | None) -> Results:
@@ -221,7 +224,7 @@ class PoseTracker(Generic[Results]):
         try:
             frame = prepare_frame(image, self.camera)
         except InputError as error:
-            return [_timed(supervisor.unread(str(error)), begin) for supervisor in self.supervisors]
+            return [timed(supervisor.unread(str(error)), begin) for supervisor in self.supervisors]
         objects = range(len(self.tracks))
         followed = [number for number in objects if not self.supervisors[number].lost]
         for number in objects:
@@ -230,7 +233,7 @@ class PoseTracker(Generic[Results]):
         followed.sort()
         refined = dict(zip(followed, self._refine(frame, followed), strict=True))
         return [
-            _timed(
+            timed(
                 self._add(frame, number, refined[number])
                 if number in refined
                 else self.supervisors[number].missed(),
@@ -246,43 +249,49 @@ class PoseTracker(Generic[Results]):
         found = supervisor.search(frame, last, taken)
         if found is None:
             return False
-        again = self._begin_again(number, track.mesh.inner(found.to(torch.float64)))
-        again.keyframes = track.keyframes
+        self._begin_again(number, track.mesh.inner(found.to(torch.float64)), track.keyframes)
         return True
 
     def _taken(self, number: int, followed: Sequence[int]) -> list[Pose]:
         """Where other instances of an object's mesh are, of those that are followed."""
         return [self.tracks[other].pose for other in self._same[number] if other in followed]
 
-    def _begin_again(self, number: int, centred: Pose) -> TrackState:
-        """Follow an object from another pose; what is known of its colours stays."""
-        track = self.tracks[number]
-        again = TrackState.begin(track.mesh, centred, self.config)
-        again.histograms, again.depth_bias = track.histograms, track.depth_bias
-        self.tracks[number] = again
-        return again
+    def _begin_again(self, number: int, centred: Pose, keyframes: KeyframeMemory | None) -> None:
+        """Follow an object from another pose, with these keyframes."""
+        self.tracks[number] = self.tracks[number].begin_again(centred, keyframes)
+        self._forget_half_turns(number)
+
+    def _forget_half_turns(self, number: int) -> None:
+        check = self.supervisors[number].check
+        if check is not None:
+            check.restart()
 
     def _refine(self, frame: Frame, numbers: Sequence[int]) -> list[Refined]:
         """Follow objects, each from the best of its starts, and recover those of low confidence."""
+        instances = Instances(self.tracks, self._same, self.camera, self.config)
+        before = {number: self.tracks[number].centred for number in numbers}
         groups, starts = [], []
         for number in numbers:
             track = self.tracks[number]
-            for centred in track.starts():
+            for k, centred in enumerate(track.starts()):
+                if k and instances.stands_on_another(number, centred, before):
+                    continue
                 groups.append(number)
                 starts.append(
                     Start(frame, track.mesh, centred, track.depth_bias, track.slow, track.keyframes)
                 )
-        results = refine_starts(
+        ends = refine_starts(
             starts,
             policy=self.policy,
             renderer=self.renderer,
             loop=self.config.loop,
             groups=groups,
         )
-        results = self._recover(frame, numbers, results)
+        results = instances.kept_apart(dict(zip(numbers, ends, strict=True)))
+        results = instances.kept_apart(self._recover(frame, results, instances), results)
         return [
             self._turned(frame, number, self._looked_at_again(frame, number, numbers, result))
-            for number, result in zip(numbers, results, strict=True)
+            for number, result in results.items()
         ]
 
     def _looked_at_again(
@@ -292,19 +301,23 @@ class PoseTracker(Generic[Results]):
         look, track = self.supervisors[number].look, self.tracks[number]
         if look is None or result.centred is None:
             return result
-        start = Start(frame, track.mesh, result.centred, track.depth_bias)
+        start = start_at(frame, track, result.centred)
         better = look.better(start, result.confidence, self._taken(number, followed))
         if better is None or better.centred is None:
             return result
-        self._begin_again(number, better.centred)
+        self._begin_again(number, better.centred, track.sure_keyframes)
         return better
 
     def _turned(self, frame: Frame, number: int, result: Refined) -> Refined:
         """The result, or for an object that was found lately its half turn, if it is likelier."""
         check, track = self.supervisors[number].check, self.tracks[number]
-        if check is None or result.centred is None or not check.is_due():
+        if check is None or result.centred is None:
             return result
-        start = Start(frame, track.mesh, result.centred, track.depth_bias)
+        if is_turned_over(track.centred, track.nearest_equivalent(result.centred)):
+            check.restart()
+        if not check.is_due():
+            return result
+        start = start_at(frame, track, result.centred)
         turned = refined_half_turns(
             start, policy=self.policy, renderer=self.renderer, loop=self.config.loop
         )
@@ -312,49 +325,46 @@ class PoseTracker(Generic[Results]):
         centred = None if best is None else turned[best].centred
         if best is None or centred is None:
             return result
-        self._begin_again(number, centred)
+        self._begin_again(number, centred, track.sure_keyframes)
         return turned[best]
 
     def _recover(
-        self, frame: Frame, numbers: Sequence[int], results: list[Refined]
-    ) -> list[Refined]:
+        self, frame: Frame, results: dict[int, Refined], instances: Instances
+    ) -> dict[int, Refined]:
         """The results; one of low confidence is replaced by the best one from recovery poses.
 
-        Only by one that is not low: an occluded object has a low confidence where it is.
+        Only by one that is not low: an occluded object has a low confidence where it is. And only
+        where no other instance is.
         """
         if not uses_multi_start(self.policy, self.config):
             return results
-        low = self.config.low_confidence
+        low, sure = self.config.low_confidence, instances.sure(results)
         others = [
-            self._recovery_starts(frame, self.tracks[number])
+            [
+                start
+                for start in recovery_starts(frame, self.tracks[number])
+                if not instances.stands_on_another(number, start.centred, sure)
+            ]
             if result.confidence < low and self.tracks[number].is_recovery_due()
             else []
-            for number, result in zip(numbers, results, strict=True)
+            for number, result in results.items()
         ]
-        found = most_confident(
-            results,
+        ends = most_confident(
+            list(results.values()),
             others,
             policy=self.policy,
             renderer=self.renderer,
             config=self.config,
             race=self.config.multi_start.race,
         )
-        return [
-            new if new.confidence >= low else old for old, new in zip(results, found, strict=True)
-        ]
-
-    def _recovery_starts(self, frame: Frame, track: TrackState) -> list[Start]:
-        """Perturbed starts around the recovery poses."""
-        around = self.config.multi_start.recovery
-        return [
-            start
-            for centred in track.recovery_poses()
-            for start in perturbed_starts(
-                Start(frame, track.mesh, centred, track.depth_bias, keyframes=track.keyframes),
-                around,
-                track.random,
-            )
-        ]
+        found = dict(results)
+        for (number, old), new in zip(results.items(), ends, strict=True):
+            if new is old or new.centred is None or new.confidence < low:
+                continue
+            if not instances.stands_on_another(number, new.centred, sure):
+                found[number] = new
+                self._forget_half_turns(number)
+        return found
 
     def _add(self, frame: Frame, number: int, result: Refined) -> TrackingResult:
         """Refine the contour of a result, say how likely it is, and go on from it."""
@@ -383,8 +393,3 @@ class PoseTracker(Generic[Results]):
             track.keyframes = known.add(
                 Keyframe.take(frame, track.mesh, track.centred, self.renderer, known.config)
             )
-
-
-def _timed(result: TrackingResult, begin: float) -> TrackingResult:
-    """The result with the time since the frame came: what the caller waited for it."""
-    return replace(result, milliseconds=(time.perf_counter() - begin) * 1e3)

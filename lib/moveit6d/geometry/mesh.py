@@ -28,7 +28,7 @@ from .mesh_files import read_mesh_file
 from .mesh_files.join import PLAIN, Surface
 from .normals import smooth_normals
 from .pose import Pose
-from .symmetry import Symmetries
+from .symmetry import SAME_TURN, Symmetries
 from .symmetry_file import symmetries_beside
 
 Unit = Literal["m", "cm", "mm", "in"]
@@ -148,12 +148,12 @@ class Mesh:
         )
 
     def inner(self, pose: Pose) -> Pose:
-        """The centred frame's pose, given the file frame's (any batch shape)."""
-        return Pose(pose.rotation, pose.translation + self._moved_center(pose))
+        """The centred frame's pose, given the file frame's (any batch shape); shares no memory."""
+        return Pose(pose.rotation.clone(), pose.translation + self._moved_center(pose))
 
     def outer(self, pose: Pose) -> Pose:
-        """The file frame's pose, given the centred frame's (any batch shape)."""
-        return Pose(pose.rotation, pose.translation - self._moved_center(pose))
+        """The file frame's pose, given the centred frame's (any batch shape); shares no memory."""
+        return Pose(pose.rotation.clone(), pose.translation - self._moved_center(pose))
 
     @cached_property
     def motions(self) -> NDArray[np.float64]:
@@ -162,8 +162,16 @@ class Mesh:
 
     @cached_property
     def half_turns(self) -> NDArray[np.float64]:
-        """Motions (3, 4, 4) of the centred frame: half turns about the axes of the smallest box."""
-        return half_turns(self.vertices.astype(np.float64))
+        """Motions (3, 4, 4) of the centred frame: half turns about the axes of the smallest box.
+
+        Without those that are symmetries.
+        """
+        turns = half_turns(self.vertices.astype(np.float64))
+        if self.symmetries.is_trivial:
+            return turns
+        # Motions that turn an object alike and leave its looks unchanged are the same one.
+        apart = np.linalg.norm((turns[:, None] - self.motions)[..., :3, :3], axis=(2, 3))
+        return np.asarray(turns[apart.min(1) > math.sqrt(2) * SAME_TURN])
 
     @property
     def has_colours(self) -> bool:
@@ -310,7 +318,7 @@ def _appearance(
         raise InputError(f"{name}: the texture must be (H, W, 3) uint8, found {texture.shape}.")
     if uv.ndim != 2 or uv.shape[1] != 2 or len(uv) <= used[-1] or not np.isfinite(uv[used]).all():
         raise InputError(f"{name}: texture coordinates must be finite (V, 2), found {uv.shape}.")
-    return np.ascontiguousarray(uv[used]), np.ascontiguousarray(texture), None
+    return np.ascontiguousarray(uv[used]), np.array(texture, order="C"), None
 
 
 def _colors(name: str, colors: Any, used: NDArray[Any]) -> NDArray[np.uint8]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from torch import Tensor
 
 from moveit6d import InputError, OraclePolicy, Pose
 from moveit6d.config import DetectorConfig, RegionConfig, TemplateConfig, TrackerConfig
@@ -129,6 +130,43 @@ def test_two_instances_and_two_objects(seen: Picture, detector: PoseDetector) ->
         assert min(float((place - truth).norm()) for place in places) < 0.02
     one, other = detect_objects([detector, detector], seen.image)
     assert off(seen, one.pose) < 0.05 and torch.equal(one.pose.rotation, other.pose.rotation)
+
+
+def test_preparing_and_several_objects_take_the_detectors_own_threads(
+    seen: Picture, detector: PoseDetector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = replace(
+        detector.config,
+        templates=TemplateConfig(rotations=4, coarse_rotations=4),
+        stages=((2, 1),),
+    )
+    counted: list[int] = []
+
+    class Counting(NetworkPolicy):
+        def descriptors(self, images: Tensor) -> Tensor:
+            counted.append(torch.get_num_threads())
+            return super().descriptors(images)
+
+    policy = Counting(load_network(SHIPPED_WEIGHTS).network)
+    config = replace(detector.settings, detection=few)
+    own = [
+        PoseDetector(seen.mesh, pictures.CAMERA, policy=policy, config=config, threads=threads)
+        for threads in (1, 2)
+    ]
+    monkeypatch.setattr(own[1], "pyramid_of", None)  # it is the first one's
+    before = torch.get_num_threads()
+    torch.set_num_threads(3)
+    try:
+        for one in own:
+            one.prepare()
+        prepared = counted.copy()
+        counted.clear()
+        detect_objects(own, seen.image)
+        assert torch.get_num_threads() == 3
+    finally:
+        torch.set_num_threads(before)
+    assert prepared == [1, 1, 2, 2]  # two levels each
+    assert counted == sorted(counted) and set(counted) == {1, 2}
 
 
 def test_what_cannot_be_used_is_refused(seen: Picture, detector: PoseDetector) -> None:

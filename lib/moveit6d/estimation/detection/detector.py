@@ -20,7 +20,7 @@ from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...policies import DescriptorPolicy, NetworkPolicy, Policy, mode_of, search_policy
 from ...rendering.renderer import Renderer
-from ...threads import checked_threads, with_own_threads
+from ...threads import checked_threads, limited_threads, with_own_threads
 from ...typing import ImageLike
 from ..contour_stage import refine_result
 from ..half_turns import half_turned
@@ -108,6 +108,7 @@ class PoseDetector:
         assert isinstance(self._policy, DescriptorPolicy)
         return self._policy
 
+    @with_own_threads
     def prepare(self) -> TemplateBank:
         """Describe the mesh from all sides, unless that has been done before."""
         policy, settings = self.policy, self.config.templates
@@ -258,11 +259,13 @@ class PoseDetector:
             loop = replace(self.settings.loop, max_iterations=iterations)
             batch = max(2, STEP_ITERATIONS // iterations)
             for first in range(0, len(poses), batch):
+                some = poses[first : first + batch]
                 ends = refine_starts(
-                    [Start(frame, self.mesh, pose) for pose in poses[first : first + batch]],
+                    [Start(frame, self.mesh, pose) for pose in some],
                     policy=search_policy(self.policy),
                     renderer=self.renderer,
                     loop=loop,
+                    targets=[0] * len(some),
                 )
                 results += [
                     one
@@ -344,20 +347,20 @@ def detect_objects(
 ) -> list[Detection]:
     """Several objects in one image, each with its own detector of one policy and camera.
 
-    The image is described once for all of them. `counts` are the most instances of each, `regions`
-    say where each is looked for.
+    The image is described once for all of them, with the threads of the first. `counts` are the
+    most instances of each, `regions` say where each is looked for.
     """
     if not detectors:
         return []
     frame = prepare_frame(image, detectors[0].camera)
-    pyramid = detectors[0].pyramid_of(frame)
+    with limited_threads(detectors[0].threads):
+        pyramid = detectors[0].pyramid_of(frame)
     numbers = [1] * len(detectors) if counts is None else list(counts)
     known = [SearchRegion()] * len(detectors) if regions is None else list(regions)
-    return [
-        finish(
-            detector.steps(
-                frame, region.undistorted(detector.camera), instances=count, pyramid=pyramid
-            )
-        )
-        for detector, count, region in zip(detectors, numbers, known, strict=True)
-    ]
+    found = []
+    for detector, count, region in zip(detectors, numbers, known, strict=True):
+        with limited_threads(detector.threads):
+            seen = region.undistorted(detector.camera)
+            steps = detector.steps(frame, seen, instances=count, pyramid=pyramid)
+            found.append(finish(steps))
+    return found
