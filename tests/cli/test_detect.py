@@ -173,7 +173,8 @@ def test_the_first_answer_takes_the_place_of_an_earlier_run(
     from moveit6d.cli import detect_images
 
     (folder / "out").mkdir()
-    for name in ("poses.csv", "pose.json", "overlay.png", "detection.json"):
+    of_a_track = ("summary.json", "overlay.mp4")
+    for name in ("poses.csv", "pose.json", "overlay.png", "detection.json", *of_a_track):
         (folder / "out" / name).write_text("earlier")
 
     def answer(*_: Any) -> Any:

@@ -7,7 +7,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from moveit6d.actions import pose_delta
-from moveit6d.config import KeyframeConfig, TrackerConfig
+from moveit6d.config import PAPER_CONFIG, KeyframeConfig, TrackerConfig
 from moveit6d.contour import ColourHistograms
 from moveit6d.estimation.keyframes import KeyframeMemory
 from moveit6d.estimation.track_state import TrackState
@@ -44,6 +44,15 @@ def test_an_even_motion_is_continued(brick: Mesh) -> None:
 def test_an_object_at_rest_has_one_start(brick: Mesh) -> None:
     track = above_high(TrackState.begin(brick, moving(brick, 1)), moving(brick, 1))
     assert len(track.starts()) == 1
+
+
+def test_in_the_paper_s_way_every_frame_starts_at_the_last_pose_alone(brick: Mesh) -> None:
+    track = above_high(
+        TrackState.begin(brick, moving(brick, 0), PAPER_CONFIG), moving(brick, 1), moving(brick, 2)
+    )
+    track.add(moving(brick, 4), LOW_CONFIDENCE - 0.1)
+    (start,) = track.starts()
+    torch.testing.assert_close(start.matrix, moving(brick, 4).matrix)
 
 
 def test_a_pose_of_low_confidence_is_not_extrapolated_and_the_last_good_one_kept(

@@ -17,6 +17,7 @@ from ..config import SeedDetectorConfig
 from ..errors import InputError
 from .camera_options import camera_of
 from .common import Setting, given, make_tools, new_folder, run_facts, versions, weights_facts
+from .earlier import clear_earlier
 from .journal import Journal, pose_line, pose_of
 from .messages import note, progress
 from .narrowing import known_of, unconfirmed
@@ -105,6 +106,7 @@ def _check_images(paths: Sequence[Path]) -> None:
 
 def _clear(output: Path) -> None:
     """Remove an earlier run's files, so that none stays beside those of another."""
+    clear_earlier(output, ())  # a track's summary would vouch for these poses
     for name in WRITTEN:
         (output / name).unlink(missing_ok=True)
 

@@ -108,6 +108,8 @@ class MotionConfig:
     """The constant-velocity model of a track.
 
     Args:
+        enabled: frames start where the motion leads and at the last confident pose, too; otherwise,
+            as in the paper, at the last pose alone.
         slow_delta: an object that moved by less than this on every axis, in action units, starts
             the next frame in the fine stage.
         velocity_rate: share of the mean velocity that each confident frame replaces.
@@ -115,6 +117,7 @@ class MotionConfig:
             1: its way has an end.
     """
 
+    enabled: bool = True
     slow_delta: float = 6.0
     velocity_rate: float = 0.5
     velocity_decay: float = 0.93
@@ -384,11 +387,11 @@ class TrackerConfig:
         return dataclasses.asdict(self)
 
 
-# The paper's method without anything beyond it, but that a video's frames also start where the
-# motion leads (`MotionConfig`); the paper starts at the last pose alone.
+# The paper's method without anything beyond it.
 PAPER_CONFIG = TrackerConfig(
     loop=LoopConfig(mode="single", fine_stage=False, augment=False),
     multi_start=MultiStartConfig(enabled=False),
+    motion=MotionConfig(enabled=False),
     contour=ContourConfig(enabled=False),
     calibration=CalibrationConfig(enabled=False),
     recovery=RecoveryConfig(enabled=False),

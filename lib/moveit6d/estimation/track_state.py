@@ -82,6 +82,8 @@ class TrackState:
     def starts(self) -> list[Pose]:
         """Centred poses to start the next frame from, none twice; the last pose first."""
         found = [self.centred]
+        if not self.config.motion.enabled:
+            return found
         others = [] if self.velocity is None else [_ahead(self.centred, self.velocity)]
         if not self.above_low:
             others.append(self.last_confident)
