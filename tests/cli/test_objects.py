@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
@@ -68,22 +69,23 @@ def test_two_objects_are_tracked_side_by_side(
     made = make_sequence("clip", frames=2, still=True)
     use_oracle(scene.mesh, made.poses[0], targets=2)
     mesh, start = str(made.folder / "mesh.ply"), str(made.folder / "start.json")
-    out = tmp_path / "out"
+    other, out = str(made.folder / "other.ply"), tmp_path / "out"
+    shutil.copy(mesh, other)
     command = [
-        "track", "--mesh", mesh, "--mesh", mesh, "--mesh_unit", "m", "--video",
+        "track", "--mesh", mesh, "--mesh", other, "--mesh_unit", "m", "--video",
         str(made.folder / "frames"), "--camera", str(made.folder / "camera.json"),
         "--start", start, "--start", start, "--output", str(out),
     ]  # fmt: skip
     assert main(command) == 0
     rows = list(csv.DictReader((out / "poses.csv").read_text().splitlines()))
     assert [(row["frame"], row["object"]) for row in rows] == [
-        ("0", "mesh_1"), ("0", "mesh_2"), ("1", "mesh_1"), ("1", "mesh_2"),
+        ("0", "mesh"), ("0", "other"), ("1", "mesh"), ("1", "other"),
     ]  # fmt: skip
     assert list(rows[0])[-2:] == ["object", "state"] and rows[0]["state"] == "tracking"
     assert rows[0]["tx"] == rows[1]["tx"]
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["objects"]["mesh_2"]["states"] == {"tracking": 2}
-    assert "mesh_2: 2 frames, 0 failed" in capsys.readouterr().out
+    assert summary["objects"]["other"]["states"] == {"tracking": 2}
+    assert "other: 2 frames, 0 failed" in capsys.readouterr().out
     assert main([*command, "--report", str(tmp_path / "r.html")]) == 2
     assert "are for one object" in capsys.readouterr().err
 

@@ -192,13 +192,6 @@ def test_a_pose_in_the_other_frame_is_a_copy(way):
     assert torch.equal(pose.rotation, torch.eye(3).double()) and pose.translation[2] == 1
 
 
-def test_a_mesh_keeps_its_own_texture():
-    texture = np.full((4, 4, 3), 200, np.uint8)
-    mesh = meshes.textured_box(texture)
-    texture[:] = 0
-    assert (mesh.texture == 200).all()
-
-
 def test_half_turns_that_are_symmetries_are_left_out():
     vertices, faces, _, _ = meshes.box_arrays((0.1, 0.06, 0.04))
     offset = np.array([0.3, -0.2, 0.1])

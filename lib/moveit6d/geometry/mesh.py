@@ -318,7 +318,7 @@ def _appearance(
         raise InputError(f"{name}: the texture must be (H, W, 3) uint8, found {texture.shape}.")
     if uv.ndim != 2 or uv.shape[1] != 2 or len(uv) <= used[-1] or not np.isfinite(uv[used]).all():
         raise InputError(f"{name}: texture coordinates must be finite (V, 2), found {uv.shape}.")
-    return np.ascontiguousarray(uv[used]), np.array(texture, order="C"), None
+    return np.ascontiguousarray(uv[used]), np.ascontiguousarray(texture), None
 
 
 def _colors(name: str, colors: Any, used: NDArray[Any]) -> NDArray[np.uint8]:
