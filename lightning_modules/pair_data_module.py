@@ -24,7 +24,7 @@ from moveit6d.networks.weights_file import WEIGHTS_NAME, load_network
 from moveit6d.observation import Observation
 from moveit6d.synthesis.training.dihedral import dihedral_view
 from moveit6d.synthesis.training.pairs import PairConfig, TrainingBatch
-from moveit6d.synthesis.training.shards import shard_stream
+from moveit6d.synthesis.training.shards import check_no_templates, shard_stream
 from moveit6d.synthesis.training.source import PairSource, mesh_files
 
 from .bank_pairs import BankStream
@@ -234,12 +234,7 @@ class PairDataModule(pl.LightningDataModule):
                 "Rollouts need meshes to render, and written pairs have none: set "
                 "data.rollouts.iterations to 0 or data.written to null."
             )
-        if self.pairs.views.share > 0:
-            raise InputError(
-                f"data.pairs.views.share is {self.pairs.views.share}, but written pairs hold no "
-                "templates for descriptors: set data.pairs.views.share to 0 or data.written to "
-                "null."
-            )
+        check_no_templates(self.pairs, " or data.written to null")
         return WrittenStream(
             folder, self.batch_size, self.seed, self._step(), self._rank(), self._processes(),
             self.dihedral,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import torch
 
 from moveit6d.datasets.pose_files import POSE_COLUMNS, PoseRow, read_poses, write_poses
@@ -13,6 +14,12 @@ from moveit6d.geometry.pose import Pose
 FAR = (500.0, 0.0, 0.0)
 # The upright axis through the middle of the brick (tests/conftest.py), millimetres.
 AXIS = {"symmetries_continuous": [{"axis": [0, 0, 1], "offset": [30, -10, 20]}]}
+
+
+def assert_has_axis(mesh: Mesh) -> None:
+    """That a mesh has the symmetry of `AXIS` alone."""
+    (axis,) = mesh.symmetries.continuous
+    np.testing.assert_allclose(axis.offset, [0.03, -0.01, 0.02], atol=1e-12)
 
 
 def far_from_origin(folder: Path) -> list[Pose]:

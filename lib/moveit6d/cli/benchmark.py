@@ -20,6 +20,7 @@ from .common import (
     add_untextured_option,
     add_verb,
     make_tools,
+    mesh_or_demo,
     positive,
     use_threads,
 )
@@ -132,14 +133,8 @@ def iteration(args: argparse.Namespace) -> int:
 
     from ..evaluation.iteration_timing import WARM_UP, time_iteration
     from ..evaluation.tables import plain
-    from ..geometry.mesh import Mesh
-    from ..synthesis.objects.demo_object import demo_object
 
-    mesh = (
-        demo_object()
-        if args.mesh is None
-        else Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
-    )
+    mesh = mesh_or_demo(args)
     policy, renderer = make_tools(Setting.of(args))
     count = args.repeats + WARM_UP
     rounds = progress(range(count), count, "iteration", "iteration")

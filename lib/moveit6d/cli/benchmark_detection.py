@@ -18,6 +18,7 @@ from .common import (
     add_untextured_option,
     add_verb,
     make_tools,
+    mesh_or_demo,
     new_folder,
     positive,
 )
@@ -178,16 +179,10 @@ def run_recovery(args: argparse.Namespace) -> int:
 def run_motion(args: argparse.Namespace) -> int:
     """Track at every speed and print the table."""
     from ..evaluation.motion_cost import motion_costs, motion_table
-    from ..geometry.mesh import Mesh
-    from ..synthesis.objects.demo_object import demo_object
 
     if args.frames < 2 or min(args.speeds) < 0:
         raise InputError("--frames must be 2 or more and --speeds not negative.")
-    mesh = (
-        demo_object()
-        if args.mesh is None
-        else Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
-    )
+    mesh = mesh_or_demo(args)
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
     costs = motion_costs(

@@ -23,6 +23,7 @@ from .watching import Watcher
 
 if TYPE_CHECKING:
     from ..evaluation.run_tracker import TrackedFrame
+    from ..geometry.mesh import Mesh
     from ..networks.inference import Compute
     from ..policies import Policy
     from ..rendering.renderer import Renderer
@@ -94,6 +95,16 @@ def add_untextured_option(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="go on where the mesh's picture or material is missing, or it is of one flat colour",
     )
+
+
+def mesh_or_demo(args: argparse.Namespace) -> Mesh:
+    """The mesh of `--mesh`, or the demonstration's toy robot if none is given."""
+    from ..geometry.mesh import Mesh
+    from ..synthesis.objects.demo_object import demo_object
+
+    if args.mesh is None:
+        return demo_object()
+    return Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
 
 
 def add_machine_options(group: Any) -> None:

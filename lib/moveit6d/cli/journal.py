@@ -96,10 +96,10 @@ def read_journal(path: Path) -> tuple[dict[str, Any], list[Any]]:
     lines = text[: text.rfind("\n") + 1].splitlines()  # the last may not have been finished
     try:
         facts, *entries = [json.loads(line) for line in lines]
+        if not isinstance(facts, dict):
+            raise ValueError("its first line is no object")
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is damaged; delete it and begin anew.") from error
-    if not isinstance(facts, dict):
-        raise InputError(f"{path} is damaged; delete it and begin anew.")
     return facts, entries
 
 

@@ -11,6 +11,7 @@ from typing import Literal
 
 from ..errors import InputError
 from .loop import LoopConfig
+from .ranges import check_range
 
 
 @dataclass(frozen=True)
@@ -214,6 +215,8 @@ class DetectorConfig:
         accepted: probability from which the object counts as found.
         same_instance: poses nearer than this in the image, in widths of the object, are one
             instance.
+        least_distance: diameters between the centres of two solid instances, at least: those of
+            coasters in a stack are farther apart.
     """
 
     templates: TemplateConfig = field(default_factory=TemplateConfig)
@@ -224,6 +227,7 @@ class DetectorConfig:
     half_turns: int = 1
     accepted: float = 0.3
     same_instance: float = 0.4
+    least_distance: float = 0.03
 
     def __post_init__(self) -> None:
         check_stages("DetectorConfig", self.stages)
@@ -232,6 +236,7 @@ class DetectorConfig:
                 "DetectorConfig: accepted must be a probability, half_turns and same_instance 0 or "
                 f"more, found {self.accepted}, {self.half_turns} and {self.same_instance}."
             )
+        check_range(self, "0 or more", "least_distance")
 
 
 def check_stages(owner: str, stages: tuple[tuple[int, int], ...]) -> None:

@@ -15,9 +15,6 @@ from .detection.instances import is_same_instance
 from .results import Refined, StopReason
 from .track_state import TrackState
 
-# Diameters between the centres of two solid objects, at least: those of coasters in a stack are
-# farther apart.
-SOLID = 0.03
 TAKEN = "Another instance of the object is followed where this one seemed to be."
 
 
@@ -105,7 +102,8 @@ class Instances:
         track, diameter = self.tracks[number], self.tracks[number].mesh.sphere_diameter
         before = _distance(track.centred, self.tracks[other].centred) / diameter
         now = _distance(centred, there) / diameter
-        return now < SOLID or (now < self.share and before - now > self.share / 2)
+        approached = now < self.share and before - now > self.share / 2
+        return now < self.config.detection.least_distance or approached
 
 
 def _distance(one: Pose, other: Pose) -> float:

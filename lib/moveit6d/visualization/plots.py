@@ -99,7 +99,7 @@ def _bars(axes: Any, chart: BarChart) -> None:
     )
     axes.set_ylabel(chart.y_label)
     axes.grid(axis="x", visible=False)
-    axes.legend(loc="upper left", bbox_to_anchor=(0, -0.02 if not many else 1.25), ncols=4)
+    axes.legend(loc="upper left", bbox_to_anchor=(0, -0.07 if not many else 1.25), ncols=4)
 
 
 def _sheet(chart: Sheet) -> Any:

@@ -199,9 +199,10 @@ class PoseDetector:
             poses += self._poses((yield from proposals.first(count)), frame.camera)
         looked_at = yield from self._looked_at(frame, poses[:most], stages, instances, known.taken)
         found = self._answer(looked_at, instances)
-        if proposals is None or most is not None or len(found.instances) >= instances:
+        enough = len(found.instances) >= instances or not self.config.match.more_places
+        if proposals is None or most is not None or enough:
             return found
-        poses = self._poses((yield from proposals.half_hidden(count)), frame.camera)
+        poses = self._poses((yield from proposals.half_occluded(count)), frame.camera)
         looked_at += yield from self._looked_at(frame, poses, stages, instances, known.taken)
         return self._answer(looked_at, instances)
 

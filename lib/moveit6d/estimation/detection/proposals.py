@@ -47,19 +47,19 @@ class Proposals:
         yield
         return (yield from self._candidates(self._known, count))
 
-    def half_hidden(self, count: int) -> Steps:
+    def half_occluded(self, count: int) -> Steps:
         """The best `count` at other places, where a half of the object stands out; after `first`.
 
         The other half may be hidden.
         """
-        first, more = self._finder, self.config.match.more_places
+        first = self._finder
         halves = PlaceFinder(first.templates, first.config, first.colour, HALVES)
-        for level in first.usual if more else ():
+        for level in first.usual:
             halves.add(level, background_only=True)
-        for level in first.levels if more else ():
+        for level in first.levels:
             halves.add(level)
             yield
-        places = halves.places(more, self._known) if more else []
+        places = halves.places(self.config.match.more_places, self._known)
         return (yield from self._candidates(places, count))
 
     def _add_levels(self) -> Generator[None, None, None]:

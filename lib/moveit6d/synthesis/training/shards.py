@@ -25,7 +25,7 @@ from ...geometry.mesh import Mesh
 from ...io import read_json, replacing, write_json
 from ...observation import Observation
 from ..imaging.sensor import to_bytes
-from .pairs import TrainingBatch
+from .pairs import PairConfig, TrainingBatch
 from .source import PairSource
 
 MANIFEST = "pairs.json"
@@ -53,6 +53,18 @@ def shard_path(folder: Path, number: int, plan: ShardPlan) -> Path:
     return Path(folder) / f"{number:05d}-of-{plan.shards:05d}.safetensors"
 
 
+def check_no_templates(pairs: PairConfig, or_else: str = "") -> None:
+    """`InputError` for pairs with templates, which shards do not hold.
+
+    `or_else` says what else may be set.
+    """
+    if pairs.views.share > 0:
+        raise InputError(
+            f"data.pairs.views.share is {pairs.views.share}, but written pairs hold no templates "
+            f"for descriptors: set data.pairs.views.share to 0{or_else}."
+        )
+
+
 class ShardWriter:
     """Writes shards of one plan; loads files once, however many shards it writes.
 
@@ -60,11 +72,7 @@ class ShardWriter:
     """
 
     def __init__(self, source: PairSource, plan: ShardPlan, folder: Path) -> None:
-        if source.pairs.views.share > 0:
-            raise InputError(
-                f"data.pairs.views.share is {source.pairs.views.share}, but written pairs hold no "
-                "templates for descriptors: set data.pairs.views.share to 0."
-            )
+        check_no_templates(source.pairs)
         self.source, self.plan, self.folder = source, plan, Path(folder)
         self._loaded: tuple[list[np.ndarray], list[Mesh], list[Mesh] | None] | None = None
 
