@@ -1,6 +1,6 @@
 """A refined contour: another pose, everything else as it was."""
 
-from dataclasses import replace
+from dataclasses import fields
 
 import pytest
 import torch
@@ -45,8 +45,10 @@ def test_only_pose_and_time_change(near: Target) -> None:
     assert off(near.mesh.outer(found.centred), near.mesh) < 0.8 * off(near.pose, near.mesh)
     assert found.milliseconds > 5.0 and histograms is not None
     assert found.contour_agreement is not None and found.contour_agreement > 0.5
-    same = replace(found, centred=None, milliseconds=5.0, contour_agreement=None)
-    assert same == replace(given, centred=None)
+    changed = {"centred", "milliseconds", "contour_agreement"}
+    for field in fields(given):
+        if field.name not in changed:
+            assert getattr(found, field.name) == getattr(given, field.name)
 
 
 @pytest.mark.parametrize(("confidence", "moves"), [(0.94, True), (0.95, False)])

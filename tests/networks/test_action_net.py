@@ -32,3 +32,17 @@ def test_it_can_tell_two_observations_apart() -> None:
         loss.backward()
         optimizer.step()
     assert loss.item() < 0.1
+
+
+def test_the_confidence_is_learnt_beside_the_actions_not_with_them() -> None:
+    """Its logit moves the weights of output 13 alone."""
+    torch.manual_seed(0)
+    network = ActionNet(ActionConfig(channels=(8, 8, 16, 16), hidden=32))
+    prediction, logit = network(an_observation(2))
+    assert torch.equal(prediction.confidence, torch.sigmoid(logit))
+    logit.square().sum().backward()
+    last = network.classifier[-1]
+    assert last.weight.grad[13].abs().max() > 0 and last.bias.grad[13] != 0
+    assert last.weight.grad[:13].abs().max() == 0 and last.bias.grad[:13].abs().max() == 0
+    trained = [name for name, p in network.named_parameters() if p.grad is not None]
+    assert trained == ["classifier.2.weight", "classifier.2.bias"]

@@ -10,6 +10,7 @@ import torch
 from moveit6d.errors import InputError
 from moveit6d.networks import inference
 from moveit6d.networks.action_net import ActionNet
+from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.correlation import CorrelationNet
 from moveit6d.networks.inference import TRACED, Compute, InferenceNetwork
 from moveit6d.networks.weights_file import load_network
@@ -17,7 +18,7 @@ from moveit6d.policies import SHIPPED_WEIGHTS
 from tests.support.observations import an_observation
 
 
-@pytest.mark.parametrize("kind", [CorrelationNet, ActionNet])
+@pytest.mark.parametrize("kind", [CorrelationNet, ActionNet, CompactCorrelationNet])
 def test_folded_and_traced_networks_answer_as_the_original(kind: type) -> None:
     torch.manual_seed(0)
     original = kind()
@@ -31,7 +32,7 @@ def test_folded_and_traced_networks_answer_as_the_original(kind: type) -> None:
             answer = original(observation)
         expected = answer[0] if isinstance(answer, tuple) else answer.prediction
         found = fast(observation)
-        for name in ("logits", "delta", "confidence", "attention"):
+        for name in ("logits", "delta", "confidence", "attention", "information"):
             wanted = getattr(expected, name)
             if wanted is None:
                 assert getattr(found, name) is None

@@ -131,7 +131,7 @@ def test_solve_recovers_small_moves_and_ignores_cells_without_weight() -> None:
     weight[:, ::3] = 0
     damping = torch.full((6,), 1e-9, dtype=torch.float64)
     even = torch.zeros_like(shift)
-    found = solve_delta(shift, weight, even, jacobian(points, DISTANCE), damping)
+    found, _ = solve_delta(shift, weight, even, jacobian(points, DISTANCE), damping)
     assert (found - delta).abs().max() < 0.02
 
 
@@ -141,8 +141,28 @@ def test_without_any_weight_nothing_moves() -> None:
     damping = torch.full((6,), 1e-3, dtype=torch.float64)
     shift = torch.ones(3, points.shape[1], 2, dtype=torch.float64)
     slopes = jacobian(points, DISTANCE)
-    found = solve_delta(shift, zero, torch.zeros_like(shift), slopes, damping)
+    found, information = solve_delta(shift, zero, torch.zeros_like(shift), slopes, damping)
     assert found.abs().max() == 0
+    assert information.abs().max() == 0  # and nothing is known of it
+
+
+def test_information_is_the_inverse_covariance_of_deltas_from_noisy_displacements() -> None:
+    points = some_points()[:1]
+    slopes = jacobian(points, DISTANCE[:1])
+    draws, cells = 4000, points.shape[1]
+    generator = torch.Generator().manual_seed(0)
+    weight = torch.rand(1, cells, generator=generator, dtype=torch.float64) + 0.2
+    shape = torch.randn(1, cells, 2, generator=generator, dtype=torch.float64) / 2
+    spread = torch.linalg.cholesky(torch.linalg.inv(precision(shape) * weight[..., None, None]))
+    noise = torch.randn(draws, cells, 2, 1, generator=generator, dtype=torch.float64)
+    shift = (spread @ noise)[..., 0]
+    damping = torch.full((6,), 1e-12, dtype=torch.float64)
+    every = (one.expand(draws, *one.shape[1:]) for one in (weight, shape, slopes))
+    found, information = solve_delta(shift, *every, damping, limit=1e9)
+    expected = torch.linalg.inv(information[0])
+    scale = expected.diagonal().sqrt()
+    scale = scale[:, None] * scale
+    torch.testing.assert_close(torch.cov(found.mT) / scale, expected / scale, atol=0.1, rtol=0)
 
 
 def test_precision_is_the_exponential_of_a_traceless_matrix() -> None:
@@ -172,7 +192,7 @@ def test_noise_along_edges_does_no_harm_where_the_precision_knows_of_it() -> Non
     damping = torch.full((6,), 1e-9, dtype=torch.float64)
     slopes = jacobian(points, DISTANCE)
     errors = [
-        (solve_delta(shift, weight, chosen, slopes, damping) - delta).abs().max()
+        (solve_delta(shift, weight, chosen, slopes, damping)[0] - delta).abs().max()
         for chosen in (shape, torch.zeros_like(shape))
     ]
     assert errors[0] < 0.3 * errors[1]

@@ -48,6 +48,9 @@ class LoopConfig:
         width_error: standard deviation of an object's width in the image, pixels, that mesh, lens
             and intrinsics leave open; real data sets call their true poses good to 1 to 2 pixels.
             Only the reported localizability depends on it.
+        displacement_error: standard deviation of the displacements that a network answers for the
+            cells of its patch, patch pixels, and larger as neighbours err alike
+            (`tools/fit_covariance.py`). Only the reported covariance depends on it.
     """
 
     mode: Mode | None = None
@@ -60,6 +63,7 @@ class LoopConfig:
     stop_delta: float = 0.5
     revisit_delta: float = 0.5
     width_error: float = 1.25
+    displacement_error: float = 3.0
 
     def __post_init__(self) -> None:
         if self.mode is not None and self.mode not in list(ActionMode):
@@ -76,10 +80,11 @@ class LoopConfig:
                 "LoopConfig: step_size must be positive and fine_scale 1 or more, found "
                 f"{self.step_size} and {self.fine_scale}."
             )
-        if not self.width_error > 0:
-            raise InputError(
-                f"LoopConfig: width_error must be positive pixels, found {self.width_error}."
-            )
+        for name in ("width_error", "displacement_error"):
+            if not getattr(self, name) > 0:
+                raise InputError(
+                    f"LoopConfig: {name} must be positive pixels, found {getattr(self, name)}."
+                )
 
     def limit(self, mode: ActionMode) -> int:
         """The limit of iterations in a mode."""

@@ -130,5 +130,10 @@ def _failed(error: str, state: TrackingState) -> TrackingResult:
 
 def _without_pose(result: TrackingResult, error: str) -> TrackingResult:
     return replace(
-        result, pose=None, stopped_by=StopReason.FAILED, error=error, state=TrackingState.LOST
+        result,
+        pose=None,
+        covariance=None,
+        stopped_by=StopReason.FAILED,
+        error=error,
+        state=TrackingState.LOST,
     )

@@ -61,7 +61,7 @@ def refine_starts(
     if not starts:
         return []
     mode = mode_of(policy, loop.mode)
-    schedule = Schedule(starts, loop, mode, groups)
+    schedule = Schedule(starts, loop, mode, groups, policy.crop)
     numbers = schedule.groups if targets is None else torch.as_tensor(targets)
     pose = Pose.stack([start.centred for start in starts])
     size = sphere_diameters(start.mesh for start in starts)
@@ -78,7 +78,7 @@ def refine_starts(
         action = to_action(output, mode, loop.step_size, loop.stop_delta)
         updated = action.apply_centred(current, diameter, policy.crop)
         pose = _replaced(pose, rows, updated)
-        schedule.advance(updated, diameter, action, output.confidence)
+        schedule.advance(updated, diameter, action, output.confidence, output.information)
     return schedule.results()
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import torch
+from torch import Tensor
 
 from ..frame import Frame, prepare_frame
 from ..geometry.camera import Camera
@@ -31,7 +32,7 @@ class StopReason(StrEnum):
     FAILED = "failed"  # no pose; the result's `error` says why
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Target:
     """One object to refine in one image, with its pose in the mesh file's frame.
 
@@ -44,7 +45,7 @@ class Target:
     pose: Pose
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TrackingResult:
     """The outcome of a refinement.
 
@@ -55,6 +56,10 @@ class TrackingResult:
     is the probability that a pose which looks right is right (`localizability`). `milliseconds`
     passed until this object was done. `contour_agreement` is the share of the contour where colours
     change sharply and in the right place, None without contour refinement; `state` is a tracker's.
+    `covariance` (6, 6) is that of the pose at the end of the loop: of its translation, metres, and
+    of its rotation vector, radians, along and about the camera's axes; None where it is not known.
+    It holds for a pose that is right about the object and its side (`confidence`), and does not
+    know of errors in mesh and camera.
     """
 
     pose: Pose | None
@@ -66,6 +71,7 @@ class TrackingResult:
     localizability: float = 0.0
     contour_agreement: float | None = None
     state: TrackingState = TrackingState.TRACKING
+    covariance: Tensor | None = None
 
     @property
     def score(self) -> float:
@@ -73,7 +79,7 @@ class TrackingResult:
         return self.confidence * self.localizability
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Start:
     """Where a loop starts: a frame, a mesh and a centred pose, float64.
 
@@ -90,7 +96,7 @@ class Start:
     keyframes: KeyframeMemory | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Refined:
     """The outcome of a loop: as `TrackingResult`, with a centred pose."""
 
@@ -102,6 +108,7 @@ class Refined:
     error: str | None = None
     localizability: float = 0.0
     contour_agreement: float | None = None
+    covariance: Tensor | None = None
 
     def result(self, mesh: Mesh) -> TrackingResult:
         """The outcome as users get it, in the mesh file's frame."""
@@ -115,6 +122,7 @@ class Refined:
             self.error,
             self.localizability,
             self.contour_agreement,
+            covariance=self.covariance,
         )
 
 

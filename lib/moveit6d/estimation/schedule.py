@@ -15,8 +15,10 @@ from torch import Tensor
 
 from ..actions import PoseAction, pose_delta
 from ..config import ActionMode, LoopConfig
+from ..geometry.crop import Crop
 from ..geometry.pose import Pose
 from ..geometry.visibility import why_unseen
+from .covariance import pose_covariance
 from .localizability import localizability
 from .results import Refined, Start, StopReason
 from .visibility import start_problem
@@ -25,20 +27,29 @@ from .visibility import start_problem
 class Trajectory:
     """The centred poses that one start has visited, and whether the next one ends its loop."""
 
-    def __init__(self, start: Start, loop: LoopConfig, mode: ActionMode) -> None:
-        self.start, self.loop, self.mode = start, loop, mode
+    def __init__(
+        self, start: Start, loop: LoopConfig, mode: ActionMode, crop: Crop = "look_at"
+    ) -> None:
+        self.start, self.loop, self.mode, self.crop = start, loop, mode, crop
         self.error = ""
         self.poses: list[Pose] = []
         self.confidences: list[float] = []
+        self.seen: list[tuple[Tensor, Tensor | None]] = []  # diameters and information, as added
         self.highest = -1.0  # confidence
         self.best = -1
 
     def add(
-        self, centred: Pose, diameter: Tensor, stop: bool, confidence: float
+        self,
+        centred: Pose,
+        diameter: Tensor,
+        stop: bool,
+        confidence: float,
+        information: Tensor | None,
     ) -> StopReason | None:
         """Record the pose after an update; the reason to end now, if there is one.
 
-        `diameter` is that of the sphere, metres, that filled the crop.
+        `diameter` is that of the sphere, metres, that filled the crop; `information` (6, 6) is the
+        update's (`PolicyOutput`).
         """
         self.error = "an update led to numbers that are not finite"
         if torch.isfinite(centred.translation).all():
@@ -49,6 +60,7 @@ class Trajectory:
         first = self._revisited(centred, diameter)
         self.poses.append(centred)
         self.confidences.append(confidence)
+        self.seen.append((diameter, information))
         self.highest = max(self.highest, confidence)
         if stop or first is None:
             self.best = len(self.poses) - 1
@@ -58,7 +70,7 @@ class Trajectory:
 
     def restart(self) -> None:
         """Forget the poses so far: in the fine stage the same pose means a smaller difference."""
-        self.poses, self.confidences, self.best = [], [], -1
+        self.poses, self.confidences, self.seen, self.best = [], [], [], -1
 
     def refined(self, reason: StopReason, iterations: int, milliseconds: float) -> Refined:
         """The outcome."""
@@ -72,7 +84,16 @@ class Trajectory:
         confidence = self.confidences[self.best]
         mesh, camera = self.start.mesh, self.start.frame.camera
         known = localizability(centred, mesh, camera, self.loop.width_error)
-        return Refined(centred, iterations, reason, confidence, milliseconds, localizability=known)
+        diameter, information = self.seen[self.best]
+        covariance = None
+        if information is not None:
+            covariance = pose_covariance(
+                information, centred, mesh, diameter, self.crop, self.loop.displacement_error
+            )
+        return Refined(
+            centred, iterations, reason, confidence, milliseconds,
+            localizability=known, covariance=covariance,
+        )  # fmt: skip
 
     def _revisited(self, centred: Pose, diameter: Tensor) -> int | None:
         """The first earlier pose that is the same (`LoopConfig.revisit_delta`)."""
@@ -101,10 +122,11 @@ class Schedule:
         loop: LoopConfig,
         mode: ActionMode,
         groups: Sequence[int] | None,
+        crop: Crop = "look_at",
     ) -> None:
         self.begin, self.loop, self.limit = time.perf_counter(), loop, loop.limit(mode)
         self.coarse_to_fine = loop.fine_stage and mode is ActionMode.ALL_AXES
-        self.trajectories = [Trajectory(start, loop, mode) for start in starts]
+        self.trajectories = [Trajectory(start, loop, mode, crop) for start in starts]
         self.outcomes: list[Refined | None] = [_unseen(start) for start in starts]
         fine = [self.coarse_to_fine and start.fine for start in starts]
         self.scale = torch.tensor([loop.fine_scale if one else 1.0 for one in fine])
@@ -116,18 +138,28 @@ class Schedule:
         self.iteration = 0
 
     def advance(
-        self, centred: Pose, diameter: Tensor, action: PoseAction, confidence: Tensor
+        self,
+        centred: Pose,
+        diameter: Tensor,
+        action: PoseAction,
+        confidence: Tensor,
+        information: Tensor | None = None,
     ) -> None:
         """Take note of the active rows' poses (M) after an update, and choose who goes on.
 
-        `diameter` (M,) are those of the spheres that filled the crops.
+        `diameter` (M,) are those of the spheres that filled the crops; `information` (M, 6, 6) is
+        the updates' (`PolicyOutput`).
         """
         self.iteration += 1
         going = []
         for row, i in enumerate(self.active.tolist()):
             stop = bool(action.stop[row])
             end = self.trajectories[i].add(
-                centred[row], diameter[row], stop, float(confidence[row])
+                centred[row],
+                diameter[row],
+                stop,
+                float(confidence[row]),
+                None if information is None else information[row],
             )
             if self._reaches_fine_stage(i, action.delta[row], end):
                 self.scale[i], self.fine[i], end = self.loop.fine_scale, True, None

@@ -164,13 +164,11 @@ class CompactCorrelationNet(nn.Module):
         context = self.context(side_by_side(image8, render8, self.geometry8(geometry4)))
         hidden, coarse = self._decode(correlation, context)
         fine, fine_hidden, likeness = self._refine(shared4, geometry4, hidden, coarse, batch)
-        solved, residual = self._solve(observation, depth, fine)
+        solved, information, residual = self._solve(observation, depth, fine)
 
         attention = torch.sigmoid(self.attend(hidden))
-        object4, object8 = (
-            functional.max_pool2d(observation.mask, 4),
-            functional.max_pool2d(observation.mask, 8),
-        )
+        object4 = functional.max_pool2d(observation.mask, 4)
+        object8 = functional.max_pool2d(object4, 2)
         attended, near = attention_pool(hidden, attention), attention_pool(fine_hidden, object4)
         values = self.head(torch.cat([attended, near, solved / 10], 1))
         delta = solved + values[:, :6] * HEAD_SCALE
@@ -179,7 +177,9 @@ class CompactCorrelationNet(nn.Module):
         pooled = [attended, attention_pool(hidden, object8), near,
                   functional.adaptive_max_pool2d(fine_hidden * object4, 1)[..., 0, 0]]  # fmt: skip
         confidence = self.confidence_head(torch.cat([*pooled, facts.detach()], 1))[:, 0]
-        prediction = PolicyOutput(values[:, 6:19], delta, torch.sigmoid(confidence), attention)
+        prediction = PolicyOutput(
+            values[:, 6:19], delta, torch.sigmoid(confidence), attention, information
+        )
         return CorrelationOutput(
             matching.flatten(2).mT, coarse, fine, solved, confidence, prediction, described,
             features,
@@ -187,7 +187,8 @@ class CompactCorrelationNet(nn.Module):
 
     def _decode(self, volume: Tensor, context: Tensor) -> tuple[Tensor, DensePrediction]:
         """Features and answers at stride 8 from the correlation volume and its context."""
-        share = torch.softmax(volume * self.temperature.exp(), 1)
+        with torch.autocast(volume.device.type, enabled=False):
+            share = torch.softmax(volume.float() * self.temperature.exp(), 1)
         # Not a matrix product, whose numbers may be too short for places.
         parts = [(share * self.offsets[:, c, None, None]).sum(1) for c in (0, 1)]
         first = torch.stack(parts, 1)  # cells
@@ -228,8 +229,11 @@ class CompactCorrelationNet(nn.Module):
 
     def _solve(
         self, observation: Observation, depth: Tensor, cells: DensePrediction
-    ) -> tuple[Tensor, Tensor]:
-        """The delta (B, 6) that the cells' answers amount to, and what is left (B, cells)."""
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """The delta (B, 6) that the cells' answers amount to, and what is left (B, cells).
+
+        Between them the delta's information (B, 6, 6), as `solve_delta` has it.
+        """
         pixels, covered = object_pixels(observation.mask, 4)
         points = surface_points(depth, observation.distance, pixels)
         weight = torch.sigmoid(cells.weight).flatten(1) * covered
@@ -237,9 +241,11 @@ class CompactCorrelationNet(nn.Module):
         slopes = jacobian(points, observation.distance)
         with torch.autocast(depth.device.type, enabled=False):
             shape = cells.shape.flatten(2).mT.float()
-            delta = solve_delta(moves, weight.float(), shape, slopes, self.damping.exp())
+            delta, information = solve_delta(
+                moves, weight.float(), shape, slopes, self.damping.exp()
+            )
             explained = (slopes @ delta[:, None, :, None])[..., 0]
-        return delta, (moves - explained).square().sum(-1).add(1e-6).sqrt()
+        return delta, information, (moves - explained).square().sum(-1).add(1e-6).sqrt()
 
     def _refine(
         self,

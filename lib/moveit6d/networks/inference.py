@@ -83,8 +83,9 @@ class InferenceNetwork:
         there = observation.to(self.device)
         tensors = (there.image, there.rendering, there.depth, there.mask, there.distance)
         run = self._trace(tensors) if len(observation) <= TRACED else self.folded
-        logits, confidence, attention, *delta = (part.cpu() for part in run(*tensors))
-        return PolicyOutput(logits, delta[0] if delta else None, confidence, attention)
+        logits, confidence, attention, *others = (part.cpu() for part in run(*tensors))
+        delta, information = (*others, None, None)[:2]
+        return PolicyOutput(logits, delta, confidence, attention, information)
 
     @torch.inference_mode()
     def descriptors(self, images: Tensor) -> Tensor:
@@ -127,7 +128,10 @@ def _traced(network: nn.Module, tensors: tuple[Tensor, ...]) -> Callable[..., An
 
 
 class _Plain(nn.Module):
-    """Tensors in and out, as a trace needs it: logits, confidence, attention, perhaps a delta."""
+    """Tensors in and out, as a trace needs it: logits, confidence and attention.
+
+    After them a delta and its information, if the network answers these.
+    """
 
     def __init__(self, network: PoseNet) -> None:
         super().__init__()
@@ -140,7 +144,8 @@ class _Plain(nn.Module):
         answer = self.network(observation)
         prediction = answer[0] if isinstance(self.network, ActionNet) else answer.prediction
         parts = (prediction.logits, prediction.confidence, prediction.attention)
-        return parts if prediction.delta is None else (*parts, prediction.delta)
+        others = (prediction.delta, prediction.information)
+        return (*parts, *(one for one in others if one is not None))
 
 
 def _to_bfloat16(network: nn.Module, pack: bool) -> None:

@@ -143,8 +143,11 @@ def solve_delta(
     matrix: Tensor,
     damping: Tensor,
     limit: float = 40.0,
-) -> Tensor:
-    """Pose delta (B, 6) whose first-order displacement fits best.
+) -> tuple[Tensor, Tensor]:
+    """Pose delta (B, 6) whose first-order displacement fits best, and its information (B, 6, 6).
+
+    The information is the inverse of the delta's covariance if a cell of full weight errs by one
+    pixel; the damping does not count in it.
 
     `displacement` (B, M, 2) pixels, `weight` (B, M) ≥ 0, `shape` (B, M, 2) as `precision` takes it,
     `matrix` (B, M, 2, 6) from `jacobian`, `damping` (6,) a prior that the delta is small.
@@ -157,7 +160,8 @@ def solve_delta(
     rows = [known[..., k, 0, :] * across + known[..., k, 1, :] * down for k in (0, 1)]
     weighted = torch.stack(rows, -2).flatten(1, 2)
     flat = matrix.flatten(1, 2)
-    normal = weighted.mT @ flat / total + torch.diag(damping)
+    information = weighted.mT @ flat
+    normal = information / total + torch.diag(damping)
     right = weighted.mT @ displacement.flatten(1)[..., None] / total
     delta: Tensor = torch.linalg.solve_ex(normal, right)[0][..., 0]
-    return delta.clamp(-limit, limit)
+    return delta.clamp(-limit, limit), information

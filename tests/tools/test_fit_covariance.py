@@ -1,0 +1,19 @@
+"""The table beside covariances, and the factor that it proposes."""
+
+import numpy as np
+
+from moveit6d.config import LoopConfig
+from tools.fit_covariance import BINS, report
+
+
+def test_errors_twice_as_large_as_said_ask_for_twice_the_factor() -> None:
+    random = np.random.default_rng(0)
+    said = np.exp(random.uniform(-3, 3, 8000))
+    found = np.column_stack([said, 2 * said * random.normal(size=len(said))])
+    lines = report(found).splitlines()
+    fitted = float(lines[-1].split(", ")[1].split()[0])
+    assert abs(fitted / (2 * LoopConfig().displacement_error) - 1) < 0.03
+    rows = [line for line in lines if " to " in line]
+    assert len(rows) == BINS
+    within = [int(row.split("|")[4].split()[0]) for row in rows]
+    assert all(33 < share < 44 for share in within)  # 38 % of normal errors are below half of σ
