@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import replace
+from functools import cache
 from itertools import count
 from pathlib import Path
 
@@ -31,7 +32,6 @@ from moveit6d.synthesis.training.source import PairSource
 
 TEXTURES = 150  # photographs that a worker process keeps for procedural objects
 HANDS = 96  # hands and cards, made once
-CARDS = 0.35  # share of them that are cards
 DRAWN = 4  # batches drawn together: small operations cost a GPU about as much as large ones
 RENEWED = 16  # procedural objects replaced at most after so many batches
 
@@ -74,7 +74,7 @@ class BankStream(IterableDataset[TrainingBatch]):
         renderer = BankRenderer(bank, self.run)
         ends = [len(files), len(files) + len(shapes), len(packed)]
         slots = [range(start, end) for start, end in zip([0, *ends], ends, strict=False)]
-        groups = slots[:2] if files else slots[1:2]  # of meshes as many pairs as of shapes
+        groups = [some for some in slots[:2] if some]  # of meshes as many pairs as of shapes
         objects = BankObjects(renderer, groups, [1.0] * len(groups))
         kept = BankHands(BankObjects(renderer, [slots[2]], [1.0]), hands, slots[2][0])
         photos = PhotoBank(source.load_photos(random), self.device)
@@ -152,25 +152,31 @@ class Worker:
 
     def hand(self, seed: int) -> tuple[PackedMesh, np.ndarray, bool]:
         """A new hand or card, its tip, and whether it is a hand."""
-        hand = procedural_hand(np.random.default_rng(seed), CARDS, self.photos)
+        cards = self.source.pairs.hands.card_probability
+        hand = procedural_hand(np.random.default_rng(seed), cards, self.photos)
         return pack_mesh(hand.mesh), np.asarray(hand.tip), hand.along is not None
 
 
-_WORKERS: list[Worker] = []  # of each worker process its own
+_SOURCES: list[PairSource] = []  # of each worker process its own
 
 
 def _begin(source: PairSource) -> None:
     torch.set_num_threads(1)
-    _WORKERS.append(Worker(source))
+    _SOURCES.append(source)
+
+
+@cache  # made by the first task: its error is told, one in `_begin` would break the pool
+def _worker() -> Worker:
+    return Worker(_SOURCES[-1])
 
 
 def _file(path: Path) -> PackedMesh:
-    return _WORKERS[-1].file(path)
+    return _worker().file(path)
 
 
 def _shape(seed: int) -> PackedMesh:
-    return _WORKERS[-1].shape(seed)
+    return _worker().shape(seed)
 
 
 def _hand(seed: int) -> tuple[PackedMesh, np.ndarray, bool]:
-    return _WORKERS[-1].hand(seed)
+    return _worker().hand(seed)

@@ -1,4 +1,4 @@
-"""Callbacks of a fit: weights files beside the checkpoints, a line of figures now and then.
+"""Callbacks of a fit: its last checkpoint, weights files beside it, a line of figures now and then.
 
 Never changes what is trained.
 """
@@ -11,11 +11,28 @@ from typing import Any
 
 import pytorch_lightning as pl
 import torch
+from pytorch_lightning.callbacks import ModelCheckpoint
 from torch import Tensor
 
 from moveit6d.networks.weights_file import WEIGHTS_NAME
 
 from .pose_action_module import PoseActionModule
+
+
+class LastCheckpoint(ModelCheckpoint):
+    """`last.ckpt`: every so many steps, at the end of a fit, and where it is interrupted."""
+
+    def on_train_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Keep the end, wherever the last of those steps was."""
+        if not self._should_skip_saving_checkpoint(trainer):
+            self._save_last_checkpoint(trainer, self._monitor_candidates(trainer))
+
+    def on_exception(
+        self, trainer: pl.Trainer, pl_module: pl.LightningModule, exception: BaseException
+    ) -> None:
+        """Keep what was reached; Lightning's own way leaves a second file of the same step."""
+        if self._should_save_on_exception(trainer):
+            self._save_last_checkpoint(trainer, self._monitor_candidates(trainer))
 
 
 class WeightsExport(pl.Callback):

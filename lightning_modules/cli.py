@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from pytorch_lightning.callbacks import ModelCheckpoint
+from jsonargparse import Namespace
+from lightning_fabric.utilities.exceptions import MisconfigurationException
 from pytorch_lightning.cli import LightningArgumentParser, LightningCLI
 
 from moveit6d.checks import reading
@@ -24,7 +25,8 @@ from moveit6d.errors import InputError
 from moveit6d.io import check_writable, read_text
 from moveit6d.networks.weights_file import WEIGHTS_NAME
 
-from .callbacks import FigureLine, WeightsExport
+from .callbacks import FigureLine, LastCheckpoint, WeightsExport
+from .fit_record import claim
 from .pair_data_module import PairDataModule
 from .pose_action_module import PoseActionModule
 
@@ -44,7 +46,7 @@ class FitCLI(LightningCLI):
             default="runs/fit",
             help="folder of checkpoints, weights, logs",
         )
-        callbacks = {"checkpoint": ModelCheckpoint, "export": WeightsExport, "figures": FigureLine}
+        callbacks = {"checkpoint": LastCheckpoint, "export": WeightsExport, "figures": FigureLine}
         for name, kind in callbacks.items():
             parser.add_lightning_class_args(kind, name)
         parser.set_defaults(
@@ -53,6 +55,7 @@ class FitCLI(LightningCLI):
                 "checkpoint.save_last": True,
                 "checkpoint.save_top_k": 0,
                 "checkpoint.save_on_exception": True,  # Ctrl-C and SIGTERM lose nothing
+                "checkpoint.enable_version_counter": False,  # there is one `last.ckpt`
                 "export.every_n_steps": EVERY,
             }
         )
@@ -70,8 +73,12 @@ class FitCLI(LightningCLI):
             super().instantiate_classes()
 
     def before_fit(self) -> None:
-        """Say before the work where nothing can be written."""
-        check_writable(Path(self.config["fit"]["output"]) / WEIGHTS_NAME)
+        """Say before the work where nothing can be written, or what is there is another fit's."""
+        folder = Path(self.config["fit"]["output"])
+        check_writable(folder / WEIGHTS_NAME)
+        assert isinstance(self.model, PoseActionModule)
+        assert isinstance(self.datamodule, PairDataModule)
+        claim(folder, {**self.model.facts(), **self.datamodule.facts()})
 
     def before_instantiate_classes(self) -> None:
         """Limit the threads, and settle the memory, before anything is computed."""
@@ -100,9 +107,12 @@ class DataCLI(FitCLI):
     """Reads what a fit reads, and stops where the data module is made."""
 
     def instantiate_classes(self) -> None:
-        """Make what the configuration names, but no trainer."""
-        made = self.parser.instantiate_classes(self.config)
-        self.datamodule = made["fit"]["data"]
+        """Make the data module alone, which needs no network, no weights and no trainer."""
+        parser = LightningArgumentParser()
+        parser.add_lightning_class_args(PairDataModule, "data")
+        given = Namespace(data=self.config["fit"]["data"])  # type: ignore[no-untyped-call]
+        with reading("the configuration of the fit"):
+            self.datamodule = parser.instantiate(given)["data"]
 
     def _run_subcommand(self, subcommand: str) -> None:
         """Fit nothing."""
@@ -161,6 +171,12 @@ def _run(kind: type[FitCLI], arguments: Sequence[str]) -> FitCLI:
         text = " ".join(str(error.message).split())
         remedy = "`moveit6d fit --all_options` lists what there is"
         raise InputError(f"fit: {text[:300].rstrip('.')}; {remedy}.") from error
+    except MisconfigurationException as error:  # as of a GPU that is not there
+        reason = " ".join(str(error).split())[:300].rstrip(".!")
+        raise InputError(
+            f"fit: the trainer refuses what is set for it ({reason}): change that under trainer "
+            "(without a GPU: trainer.accelerator cpu)."
+        ) from error
     except OSError as error:  # the disk is full, or gone
         place = f" {error.filename}" if error.filename else ""
         raise InputError(

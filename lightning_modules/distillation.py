@@ -32,7 +32,12 @@ class Teacher:
     """
 
     def __init__(self, path: Path, student: PoseNet) -> None:
-        network = load_network(path).network
+        if not path.is_file():
+            raise InputError(
+                f"model.teacher: {path} does not exist; give the path of a weights file (that of "
+                "configs/fit/compact.yaml is in the project's repository), or null: nobody."
+            )
+        self.path, network = path, load_network(path).network
         if not isinstance(student, CompactCorrelationNet) or isinstance(network, ActionNet):
             raise InputError("model.teacher: only a compact network learns from an encoder.")
         sizes = network.config.channels

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from moveit6d.actions import expert_action
+from moveit6d.actions import PoseAction, expert_action
 from moveit6d.estimation.detection.templates import CELL, cell_weights
 from moveit6d.networks.correlation import CorrelationOutput
 from moveit6d.networks.dense_prediction import DensePrediction
@@ -69,7 +69,7 @@ def dense_truth(batch: TrainingBatch, stride: int) -> DenseTruth:
     observation = batch.observation
     pixels, covered = object_pixels(observation.mask, stride)
     points = surface_points(observation.depth, observation.distance, pixels)
-    moved = move_points(points, observation.distance, batch.delta, batch.direction)
+    moved = _moved(batch, points, batch.delta)
     goal = project_points(moved, observation.distance)
     nearest = goal.round().long()
     size = observation.depth.shape[-1]
@@ -81,6 +81,15 @@ def dense_truth(batch: TrainingBatch, stride: int) -> DenseTruth:
     same = (surface - moved[..., 2]).abs() < 0.06  # else another part of the object is in front
     visible = (inside & shows & same).float() * covered
     return DenseTruth(goal - pixels.to(goal), visible, covered)
+
+
+def _moved(batch: TrainingBatch, points: Tensor, delta: Tensor) -> Tensor:
+    """Surface points (B, M, 3) after a pose delta (B, 6), in float32 also within autocast.
+
+    Its products of matrices have 8 bits: on average the points would lie 0.06 pixels off.
+    """
+    with torch.autocast(points.device.type, enabled=False):
+        return move_points(points, batch.observation.distance, delta.float(), batch.direction)
 
 
 def correlation_losses(
@@ -158,6 +167,18 @@ def action_loss(prediction: PolicyOutput, batch: TrainingBatch) -> Tensor:
     return _mean_of(loss, batch.near)
 
 
+def action_losses(
+    prediction: PolicyOutput, confidence_logit: Tensor, batch: TrainingBatch
+) -> dict[str, Tensor]:
+    """The terms of the loss of a network that chooses single actions, by name."""
+    action = PoseAction.from_index(prediction.logits.argmax(-1))
+    right = is_right(batch, point_error(batch, action.delta))
+    return {
+        "actions": action_loss(prediction, batch),
+        "confidence": functional.binary_cross_entropy_with_logits(confidence_logit, right),
+    }
+
+
 def is_right(batch: TrainingBatch, error: Tensor) -> Tensor:
     """Which poses (B,) with these `point_error`s count as right, 1 or 0.
 
@@ -174,8 +195,7 @@ def point_error(batch: TrainingBatch, delta: Tensor) -> Tensor:
     observation = batch.observation
     pixels, covered = object_pixels(observation.mask, 8)
     points = surface_points(observation.depth, observation.distance, pixels)
-    moved = move_points(points, observation.distance, delta, batch.direction)
-    goal = move_points(points, observation.distance, batch.delta, batch.direction)
+    moved, goal = (_moved(batch, points, one) for one in (delta, batch.delta))
     apart = slanted(moved - goal, batch.direction)
     distance = (apart.square().sum(-1) + 1e-8).sqrt()
     return (distance * covered).sum(1) / covered.sum(1).clamp_min(1)
@@ -205,7 +225,7 @@ def shape_loss(answer: DensePrediction, truth: DenseTruth) -> Tensor:
     to scale. The errors themselves are not moved by it.
     """
     error = (answer.displacement.flatten(2).mT - truth.displacement).detach()
-    known = precision(answer.shape.flatten(2).mT)
+    known = precision(answer.shape.flatten(2).mT.float())  # from 8 bits: a sixth off
     x, y = error.unbind(-1)
     measured = known[..., 0, 0] * x * x + 2 * known[..., 0, 1] * x * y + known[..., 1, 1] * y * y
     use = truth.visible * (truth.displacement.abs().amax(-1) < FARTHEST)

@@ -6,9 +6,7 @@ that a fit runs on a fresh machine. With several training processes each has pai
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from itertools import count
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,33 +14,19 @@ import numpy as np
 import pytorch_lightning as pl
 import torch
 from torch import Tensor
-from torch.utils.data import DataLoader, Dataset, IterableDataset, get_worker_info
+from torch.utils.data import DataLoader, Dataset, IterableDataset
 
 from moveit6d.errors import InputError
-from moveit6d.networks.inference import InferenceNetwork
 from moveit6d.networks.weights_file import WEIGHTS_NAME, load_network
 from moveit6d.observation import Observation
-from moveit6d.synthesis.training.dihedral import dihedral_view
 from moveit6d.synthesis.training.pairs import PairConfig, TrainingBatch
-from moveit6d.synthesis.training.shards import check_no_templates, shard_stream
+from moveit6d.synthesis.training.shards import check_no_templates, written_crop, written_digest
 from moveit6d.synthesis.training.source import PairSource, mesh_files
 
 from .bank_pairs import BankStream
+from .pair_streams import PairStream, RolloutConfig, WrittenStream, check_leads
 
-
-@dataclass(frozen=True)
-class RolloutConfig:
-    """Training on the states that the network itself leads to.
-
-    After each batch of new images `iterations` more show the same ones, each after one more
-    iteration of the network: on a GPU of the one in training, else of the one in `weights`
-    (.safetensors; None: what this fit itself exports), which is read anew whenever it changes.
-    Without such a file, or with 0 iterations, there are no such batches.
-    """
-
-    weights: Path | None = None
-    iterations: int = 0
-    first_step: int = 1000  # training step from which there are such batches
+LARGEST_VALIDATION = 32  # pairs a batch: they are drawn on a CPU, also where training pairs are not
 
 
 class PairDataModule(pl.LightningDataModule):
@@ -59,8 +43,9 @@ class PairDataModule(pl.LightningDataModule):
         symmetric: share of those that are symmetric and say so.
         untextured: share of those that are copies of the meshes without their texture.
         slender: share of those that are squeezed copies of the meshes and of other shapes.
-        renew_every: batches after which one random shape is replaced by a new one; 0: never. With
-            `device` cuda, as soon as a new one is made.
+        renew_every: batches after which one random shape is replaced by a new one; 0: never, then
+            they are those of `seed` from beginning to end, and validate where there are no meshes.
+            With `device` cuda, as soon as a new one is made.
         written: folder of `moveit6d write-pairs`; None: pairs are drawn as training goes.
         dihedral: written pairs are shown in one of their eight dihedral views, a new one each time:
             so few pairs are not learnt by heart.
@@ -121,6 +106,28 @@ class PairDataModule(pl.LightningDataModule):
         self.device = device
         self._validation: list[TrainingBatch] = []
 
+    def setup(self, stage: str) -> None:
+        """`InputError` where pairs are to be drawn on a GPU that is not there."""
+        if self.device == "cuda" and not torch.cuda.is_available():
+            raise InputError(
+                "data.device is cuda, but PyTorch finds no NVIDIA GPU here: set data.device to cpu "
+                "(with configs/overlay/gpu_pairs.yaml: leave that out)."
+            )
+
+    def facts(self) -> dict[str, Any]:
+        """What a fit that goes on cannot change of its pairs, by the options' names.
+
+        Not by whom they are drawn and how many at once.
+        """
+        if self.written is not None:
+            own = {"written": written_digest(self.written), "dihedral": self.dihedral}
+        else:
+            own = self.source().facts()
+            del own["lasting"]  # of seed and renew_every
+            own["renew_every"], own["written"] = self.renew_every, None
+            own["rollouts.iterations"] = self.rollouts.iterations
+        return {f"data.{name}": value for name, value in {**own, "seed": self.seed}.items()}
+
     def mesh_paths(self) -> tuple[list[Path], list[Path]]:
         """Paths of the training and of the held-out meshes."""
         if self.folder is None:
@@ -150,6 +157,7 @@ class PairDataModule(pl.LightningDataModule):
                 (self.seed, self._step()),
                 self._rollouts(),
                 self._rank() * max(1, self.workers),
+                self._accumulated(),
             )
         return DataLoader(
             stream,
@@ -201,11 +209,11 @@ class PairDataModule(pl.LightningDataModule):
             source = self._source(held or train)
             random = np.random.default_rng(self.seed + 1)
             photos = source.load_photos(random)
-            meshes = source.load_meshes() or [source.shape(random, photos) for _ in range(8)]
+            others = source if source.lasting is not None else replace(source, shapes=8)
+            meshes = source.load_meshes() or others.make_shapes(random, photos)
             generator = source.generator(random, photos, meshes, source.load_occluders())
-            self._validation = [
-                generator.batch(self.batch_size) for _ in range(self.validation_batches)
-            ]
+            size = min(self.batch_size, LARGEST_VALIDATION)
+            self._validation = [generator.batch(size) for _ in range(self.validation_batches)]
         return DataLoader(_Fixed(self._validation), batch_size=None)
 
     def source(self) -> PairSource:
@@ -226,6 +234,7 @@ class PairDataModule(pl.LightningDataModule):
             tuple(others),
             self.untextured,
             self.slender,
+            None if self.renew_every else self.seed,
         )
 
     def _written_stream(self, folder: Path) -> WrittenStream:
@@ -235,16 +244,35 @@ class PairDataModule(pl.LightningDataModule):
                 "data.rollouts.iterations to 0 or data.written to null."
             )
         check_no_templates(self.pairs, " or data.written to null")
+        crop = written_crop(folder)
+        if crop != self.pairs.crop:
+            raise InputError(
+                f"{folder} holds pairs with {crop} crops, and data.pairs.crop is "
+                f"{self.pairs.crop}: set it to {crop}, or write such pairs."
+            )
+        used = self._step() * self._accumulated()
         return WrittenStream(
-            folder, self.batch_size, self.seed, self._step(), self._rank(), self._processes(),
-            self.dihedral,
-        )  # fmt: skip
+            folder, self.batch_size, self.seed, used, self._rank(), self._processes(), self.dihedral
+        )
 
     def _rollouts(self) -> RolloutConfig:
-        if self.rollouts.weights is None and self.trainer:
+        """With the file to read; `InputError` for one that is not there, or leads nowhere."""
+        weights, iterations = self.rollouts.weights, self.rollouts.iterations
+        if weights is None and self.trainer:
             own = Path(self.trainer.default_root_dir) / WEIGHTS_NAME
             return replace(self.rollouts, weights=own)
+        if weights is not None and iterations:
+            if not weights.is_file():
+                raise InputError(
+                    f"data.rollouts.weights: {weights} does not exist; give a weights file, or "
+                    "null for those that this fit exports."
+                )
+            check_leads(load_network(weights).network)
         return self.rollouts
+
+    def _accumulated(self) -> int:
+        """Batches that a training step takes."""
+        return self.trainer.accumulate_grad_batches if self.trainer else 1
 
     def _step(self) -> int:
         return self.trainer.global_step if self.trainer else 0
@@ -254,102 +282,6 @@ class PairDataModule(pl.LightningDataModule):
 
     def _processes(self) -> int:
         return self.trainer.world_size if self.trainer else 1
-
-
-class PairStream(IterableDataset[TrainingBatch]):
-    """Batches without end, drawn in a worker process; each worker and seed draws others.
-
-    `first` is the number of the first of this training process's workers among everybody's.
-    """
-
-    def __init__(
-        self,
-        source: PairSource,
-        batch_size: int,
-        renew_every: int,
-        seed: tuple[int, int],
-        rollouts: RolloutConfig | None = None,
-        first: int = 0,
-    ) -> None:
-        super().__init__()
-        self.source, self.batch_size = source, batch_size
-        self.renew_every, self.seed, self.first = renew_every, seed, first
-        self.rollouts = rollouts or RolloutConfig()
-
-    def __iter__(self) -> Iterator[TrainingBatch]:
-        worker = get_worker_info()
-        if worker is not None:
-            torch.set_num_threads(1)
-        random = np.random.default_rng([*self.seed, self.first + (worker.id if worker else 0)])
-        photos, meshes = self.source.load_photos(random), self.source.load_meshes()
-        fixed, files = len(meshes), tuple(meshes)
-        meshes += [self.source.shape(random, photos, files) for _ in range(self.source.shapes)]
-        occluders = self.source.load_occluders()
-        generator = self.source.generator(random, photos, meshes, occluders)
-        student = _Student(self.rollouts)
-        for number in count(1):
-            if len(meshes) > fixed and self.renew_every and number % self.renew_every == 0:
-                place = int(random.integers(fixed, len(meshes)))
-                meshes[place] = self.source.shape(random, photos, files)
-            batch = generator.batch(self.batch_size)
-            yield batch
-            for _ in range(student.iterations if student.ready() else 0):
-                batch = generator.advance(batch, student.delta(batch.observation))
-                yield batch
-
-
-class WrittenStream(IterableDataset[TrainingBatch]):
-    """Batches without end from shards; processes and workers share each epoch's shards out."""
-
-    def __init__(
-        self, folder: Path, batch_size: int, seed: int, step: int, rank: int, processes: int,
-        dihedral: bool = False,
-    ) -> None:  # fmt: skip
-        super().__init__()
-        self.folder, self.batch_size, self.seed = Path(folder), batch_size, seed
-        self.step, self.rank, self.processes = step, rank, processes
-        self.dihedral = dihedral
-
-    def __iter__(self) -> Iterator[TrainingBatch]:
-        worker = get_worker_info()
-        number, workers = (worker.id, worker.num_workers) if worker else (0, 1)
-        # Workers are asked in turn, so each has given an equal part of what was used so far.
-        skip = (self.step + workers - 1 - number) // workers
-        reader, readers = self.rank * workers + number, self.processes * workers
-        batches = shard_stream(self.folder, self.batch_size, self.seed, reader, readers, skip)
-        return self._views(batches, reader) if self.dihedral else batches
-
-    def _views(self, batches: Iterator[TrainingBatch], reader: int) -> Iterator[TrainingBatch]:
-        random = np.random.default_rng([self.seed, self.step, reader])
-        for batch in batches:
-            yield dihedral_view(batch, int(random.integers(4)), bool(random.integers(2)))
-
-
-class _Student:
-    """The network as it was last exported, or nobody."""
-
-    def __init__(self, config: RolloutConfig) -> None:
-        self.path, self.iterations = config.weights, config.iterations
-        self.network: InferenceNetwork | None = None
-        self.changed = 0.0
-
-    def ready(self) -> bool:
-        """Whether there is a network to ask; reads it if it is new."""
-        if not self.iterations or self.path is None or not Path(self.path).exists():
-            return False
-        changed = Path(self.path).stat().st_mtime
-        if self.network is None or changed != self.changed:
-            self.network = InferenceNetwork(load_network(Path(self.path)).network)
-            self.changed = changed
-        return True
-
-    def delta(self, observation: Observation) -> Tensor:
-        """Its pose deltas (B, 6) for a batch."""
-        assert self.network is not None
-        delta = self.network(observation).delta
-        if delta is None:
-            raise InputError("Rollouts need a network that answers for all six axes.")
-        return delta
 
 
 class _Fixed(Dataset[TrainingBatch]):

@@ -5,11 +5,12 @@ Never draws data. One class for both networks; the losses are in `losses`.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytorch_lightning as pl
 import torch
@@ -19,29 +20,32 @@ from torch.nn.utils import convert_conv2d_weight_memory_format, get_total_norm
 
 from moveit6d.actions import expert_action
 from moveit6d.errors import InputError
+from moveit6d.io import file_digest
 from moveit6d.networks.action_net import ActionNet
 from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.kinds import PoseNet
 from moveit6d.networks.weights_file import begin_from, load_network, save_network
+from moveit6d.policies import SHIPPED_WEIGHTS
 from moveit6d.synthesis.training.pairs import TrainingBatch
 
 from .distillation import Teacher, distillation_loss
 from .losses import (
     LossWeights,
-    action_loss,
+    action_losses,
     correlation_losses,
     view_loss,
     view_pictures,
 )
+from .pair_streams import check_leads
 
-LOGGED = 50  # training steps between logged terms: on a GPU each is waited for
 MOST_LEFT_OUT = 20  # steps in a row
 
 
 class PoseActionModule(pl.LightningModule):
     """Trains any of `networks.kinds` on `TrainingBatch`es.
 
-    A step whose gradients are not finite is left out: the network stays as it was before.
+    A step whose gradients are not finite is left out: the network stays as it was before. A fit
+    that goes on from a checkpoint has the learning rates and the weight decay that are set now.
 
     Args:
         network: the network to train; None: the one in `init_from`.
@@ -54,13 +58,15 @@ class PoseActionModule(pl.LightningModule):
             SGDR, ICLR 2017): where a fit that had come to its end was made longer.
         decay: share of the schedule, or of each part of it, in which `stable_decay` goes down.
         minutes: length of the schedule in time, if that ends first: for machines that are lent.
+            Counted from the step from which on it is set, also if the fit is killed and goes on.
         matching_steps: first steps in which only the matching reaches the encoder.
         weights: weights of the loss terms.
         teacher: weights file whose encoder that of a compact network imitates at first; None:
             nobody's.
         teacher_steps: steps in which the weight of that falls to nothing.
-        init_from: weights file (.safetensors) to start from instead of random numbers; of a network
-            of the same sizes as `network` or a shallower one (`begin_from`), if there is one.
+        init_from: weights file (.safetensors) to start from instead of random numbers, `shipped`
+            for the one that comes with the package; of a network of the same sizes as `network` or
+            a shallower one (`begin_from`), if there is one.
     """
 
     def __init__(
@@ -78,7 +84,7 @@ class PoseActionModule(pl.LightningModule):
         weights: LossWeights | None = None,
         teacher: Path | None = None,
         teacher_steps: int = 8000,
-        init_from: Path | None = None,
+        init_from: Literal["shipped"] | Path | None = None,
     ) -> None:
         super().__init__()
         schedules = ("cosine", "stable_decay", "paper")
@@ -93,7 +99,8 @@ class PoseActionModule(pl.LightningModule):
                 f"and model.total_steps ({total_steps})."
             )
         _check_lengths(minutes, teacher, teacher_steps)
-        self.network = _network(network, init_from)
+        self.init_from = SHIPPED_WEIGHTS if init_from == "shipped" else init_from
+        self.network = _network(network, self.init_from)
         self.teacher = None if teacher is None else Teacher(teacher, self.network)
         self.teacher_steps = teacher_steps
         convert_conv2d_weight_memory_format(self.network, torch.channels_last)  # faster on CPUs
@@ -101,6 +108,7 @@ class PoseActionModule(pl.LightningModule):
         self.ends, self.warmup_steps = ends, warmup_steps
         self.decay = decay
         self.minutes, self._begin = minutes, time.monotonic()
+        self._minutes_before = 0.0  # of `minutes`, before the checkpoint that the fit goes on from
         self.weight_decay, self.matching_steps = weight_decay, matching_steps
         self.weights = weights or LossWeights()
         self.values: dict[str, Tensor] = {}  # terms of the last training step; none if left out
@@ -108,12 +116,42 @@ class PoseActionModule(pl.LightningModule):
         self._statistics: list[Tensor] = []  # of batch normalisation, before the step
 
     def on_train_start(self) -> None:
-        """Time counts from here."""
+        """Time counts from here; rates are the module's, not those that a checkpoint remembers."""
         self._begin = time.monotonic()
+        for optimizer in self.trainer.optimizers:
+            for group in optimizer.param_groups:
+                group["initial_lr"], group["weight_decay"] = self.learning_rate, self.weight_decay
+        for one in self.trainer.lr_scheduler_configs:
+            schedule: Any = one.scheduler
+            schedule.base_lrs = [self.learning_rate] * len(schedule.base_lrs)
+            for group in schedule.optimizer.param_groups:
+                group["lr"] = self.learning_rate * self._rate(schedule.last_epoch)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Add how much of `minutes` is over."""
+        checkpoint["schedule"] = {"minutes": self.minutes, "over": self._minutes_over()}
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Take the time over; `InputError` for the checkpoint of a network of other sizes."""
+        mine, theirs = (
+            {name: value.shape for name, value in state.items()}
+            for state in (self.state_dict(), checkpoint["state_dict"])
+        )
+        if mine != theirs:
+            raise InputError(
+                "The checkpoint to go on from is of a network of other sizes than model.network: "
+                "configure that as it was, or give another --output to begin anew."
+            )
+        known = checkpoint.get("schedule", {})
+        same = known.get("minutes") == self.minutes
+        self._minutes_before = known.get("over", 0.0) if same else 0.0
 
     def on_fit_start(self) -> None:
-        """`InputError` if the pairs show other crops than the network says that it is made for."""
-        pairs = getattr(getattr(self.trainer, "datamodule", None), "pairs", None)
+        """`InputError` if the network is not made for the pairs: other crops, or rollouts."""
+        data = getattr(self.trainer, "datamodule", None)
+        rollouts, pairs = getattr(data, "rollouts", None), getattr(data, "pairs", None)
+        if rollouts is not None and rollouts.iterations and rollouts.weights is None:
+            check_leads(self.network)
         crop = self.network.config.crop
         if pairs is not None and pairs.crop != crop:
             raise InputError(
@@ -132,7 +170,9 @@ class PoseActionModule(pl.LightningModule):
         self._statistics = [values.clone() for values in self._running()]
         loss, self.values = self._shared_step(batch)
         size = len(batch.delta)
-        if self.global_step % LOGGED == 0:
+        trainer: Any = self.trainer
+        every = trainer.log_every_n_steps  # in these steps Lightning writes what it was given last
+        if every and (self.global_step + 1) % every == 0:
             named = {f"train/{name}": value for name, value in self.values.items()}
             self.log_dict({"loss": loss, **named}, batch_size=size)
         return loss
@@ -181,10 +221,12 @@ class PoseActionModule(pl.LightningModule):
 
     def _shared_step(self, batch: TrainingBatch) -> tuple[Tensor, dict[str, Tensor]]:
         if isinstance(self.network, ActionNet):
-            prediction, _ = self.network(batch.observation)
-            loss = action_loss(prediction, batch)
-            right = prediction.logits.argmax(-1) == expert_action(batch.delta)
-            return loss, {"actions": loss.detach(), "accuracy": right.float().mean()}
+            prediction, logit = self.network(batch.observation)
+            terms = action_losses(prediction, logit, batch)
+            best = prediction.logits.argmax(-1) == expert_action(batch.delta)
+            values = {name: value.detach() for name, value in terms.items()}
+            values["accuracy"] = best.float().mean()
+            return terms["actions"] + terms["confidence"], values
         early = self.training and self.global_step < self.matching_steps
         network, views = self.network, batch.views
         if isinstance(network, CompactCorrelationNet) and views is not None:
@@ -232,10 +274,24 @@ class PoseActionModule(pl.LightningModule):
         end = next((end for end in self.ends if end > begin), step + 1)
         share = min(1.0, (step - begin) / (end - begin))
         if self.minutes is not None:
-            share = min(1.0, max(share, (time.monotonic() - self._begin) / 60 / self.minutes))
+            share = min(1.0, max(share, self._minutes_over() / self.minutes))
         if self.schedule == "stable_decay":
             return float(start * max(0.02, min(1.0, (1 - share) / self.decay)))
         return float(start * max(0.02, 0.5 * (1 + math.cos(math.pi * share))))
+
+    def _minutes_over(self) -> float:
+        return self._minutes_before + (time.monotonic() - self._begin) / 60
+
+    def facts(self) -> dict[str, Any]:
+        """What a fit that goes on cannot change of its network, by the options' names."""
+        teacher = None if self.teacher is None else self.teacher.path
+        files = {"init_from": self.init_from, "teacher": teacher}
+        return {
+            "model.network": type(self.network).__name__,
+            "model.network.init_args.config": dataclasses.asdict(self.network.config),
+            **{f"model.{k}": None if v is None else file_digest(v) for k, v in files.items()},
+            "model.weights": dataclasses.asdict(self.weights),
+        }
 
     def export(self, path: Path, facts: dict[str, str]) -> None:
         """Write the network as a weights file that `moveit6d.load_policy` reads."""

@@ -107,10 +107,13 @@ def main() -> None:
         [one for result in gathered for one in result[kind]] for kind in range(4)
     )
     if args.calibrated is not None:
+        given = args.weights or SHIPPED_WEIGHTS
         line = platt([*(one for one in followed if np.isfinite(one.error)), *refined])
-        write_calibrated(args.weights or SHIPPED_WEIGHTS, line, args.calibrated)
-        found, followed = calibrated(found, line), calibrated(followed, line)
-        refined, present = calibrated(refined, line), calibrated(present, line)
+        write_calibrated(given, line, args.calibrated)
+        followed, refined = calibrated(followed, line), calibrated(refined, line)
+        policy = load_policy(given)
+        if policy.for_search is policy:  # else searches ask a head that the line is not in
+            found, present = calibrated(found, line), calibrated(present, line)
     weights = report("VerificationConfig", ("confidence", "similarity"), in_log_odds(found))
     report_present(weights, in_log_odds(present))
     report("StateConfig", ("confidence", "agreement"), followed)

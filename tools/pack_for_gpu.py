@@ -50,7 +50,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _pack(args, folder)
     size = sum(path.stat().st_size for path in args.output.rglob("*") if path.is_file())
     print(f"{args.output}: {size / 2**20:.1f} MiB")
-    return 0 if size <= LIMIT else 1
+    if size > LIMIT:
+        raise InputError(
+            f"{args.output} is larger than the {LIMIT // 2**20} MiB that a lent machine takes: "
+            "pack fewer meshes or photographs."
+        )
+    return 0
 
 
 def _refuse_foreign(output: Path) -> None:
@@ -88,7 +93,7 @@ def _pack(args: argparse.Namespace, output: Path) -> None:
 def _write_reference(meshes: Path, output: Path) -> None:
     """Renderings by ray casting, with which `probe_gpu.py` compares those of the GPU."""
     paths = mesh_files(meshes)[::22]
-    loaded = [Mesh.load(path) for path in paths]
+    loaded = [Mesh.load(path, allow_flat=True) for path in paths]
     generator = torch.Generator().manual_seed(0)
     diameter = sphere_diameters(loaded)
     distance = 2.2 + 8 * torch.rand(len(loaded), generator=generator, dtype=torch.float64)

@@ -68,7 +68,8 @@ def main(folder: Path, output: Path) -> None:
 def _compare(folder: Path) -> None:
     """Renderings of the GPU beside those by ray casting."""
     wanted = np.load(folder / "reference.npz")
-    meshes = [pack_mesh(Mesh.load(folder / "meshes" / str(name))) for name in wanted["names"]]
+    paths = [folder / "meshes" / str(name) for name in wanted["names"]]
+    meshes = [pack_mesh(Mesh.load(path, allow_flat=True)) for path in paths]
     bank = MeshBank.of(meshes, CUDA)
     rotation, translation = (
         torch.from_numpy(wanted[k]).to(CUDA) for k in ("rotation", "translation")

@@ -115,6 +115,8 @@ no_depth() {
 paper_network() {
     local weights=(--weights examples/paper_network/multi_object.safetensors) start
     printf '# The paper'"'"'s own network on many objects\n\n'
+    printf 'The confidence of these weights (`examples/paper_network`) was not trained: its figures '
+    printf 'say nothing.\n\n'
     for start in "one_large 0" "all_small 0" "all_large 0"; do
         one_refinement "$start" "${weights[@]}" "${colours[@]}" --no_contour --max_iterations 150
     done

@@ -52,4 +52,4 @@ python3 -W ignore /tmp/moveit6d-fit.py --config "$here/code/configs/fit/compact.
     --data.meshes "$here/meshes" --data.photos "$here/photos" --output "$out" \
     --trainer.logger false --trainer.limit_val_batches 0 --trainer.max_time "$limit" \
     --model.teacher "$here/code/examples/correlation/multi_object.safetensors" \
-    --checkpoint.every_n_train_steps 250 --export.every_n_steps 250 "$@" 2>&1 | tee "$out/log.txt"
+    --checkpoint.every_n_train_steps 250 --export.every_n_steps 250 "$@" 2>&1 | tee -a "$out/log.txt"

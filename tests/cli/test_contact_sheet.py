@@ -7,6 +7,7 @@ import pytest
 from PIL import Image
 
 from moveit6d.cli.main import main
+from tests.support.pairs import CONFIGS
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 
@@ -16,3 +17,23 @@ def test_a_contact_sheet_without_a_configuration(tmp_path: Path, small: list[str
     assert main(["contact-sheet", *small, "--count", "2", "--output", str(path)]) == 0
     sheet = np.asarray(Image.open(path))
     assert sheet.shape == (140, 2 * 524, 3) and sheet[6:134, 6:134].std() > 5
+
+
+def test_pairs_are_looked_at_without_the_weights_of_the_fit(
+    tmp_path: Path, small: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)  # where the teacher of compact.yaml is not
+    config = str(CONFIGS / "fit" / "compact.yaml")
+    command = ["contact-sheet", "--config", config, *small, "--count", "1", "--output", "one.png"]
+    assert main(command) == 0
+    assert (elsewhere / "one.png").is_file()
+
+
+@pytest.mark.parametrize("seed", ["-1", "a", "²"])
+def test_a_seed_that_is_none_is_refused(seed: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["contact-sheet", "--output", "x", "--seed", seed])
+    assert end.value.code == 2
+    assert "must be a whole number, 0 or above" in capsys.readouterr().err

@@ -47,6 +47,16 @@ def test_parts_that_are_none_are_refused(part: str, capsys: pytest.CaptureFixtur
     assert "must be I/N" in capsys.readouterr().err
 
 
+def test_a_seed_that_is_none_is_refused_before_the_folder_is_claimed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "pairs"
+    with pytest.raises(SystemExit) as end:
+        main(["write-pairs", "--output", str(folder), "--shards", "2", "--seed", "-1"])
+    assert end.value.code == 2 and not folder.exists()
+    assert "must be a whole number, 0 or above" in capsys.readouterr().err
+
+
 def test_templates_are_refused_unless_they_are_switched_off(
     tmp_path: Path, small: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -18,7 +18,8 @@ from moveit6d.errors import InputError
 from moveit6d.networks.weights_file import load_network
 from tests.support.pairs import photos
 
-CONFIG = Path(__file__).parents[2] / "configs" / "fit" / "multi_object_correlation.yaml"
+ROOT = Path(__file__).parents[2]
+CONFIG = ROOT / "configs" / "fit" / "multi_object_correlation.yaml"
 
 
 def arguments(folder: Path, steps: int) -> list[str]:
@@ -54,6 +55,19 @@ def test_a_fit_without_any_data_writes_weights(
     assert list(out.glob("lightning_logs/*/config.yaml"))
     loaded = load_network(out / "weights.safetensors")
     assert loaded.facts["steps"] == "4" and loaded.facts["kind"] == "correlation"
+
+    # The folder is this fit's alone: lengths and rates may change, the network may not.
+    no_depth = f"--config={ROOT / 'configs' / 'overlay' / 'no_depth.yaml'}"
+    first, config, *rest = arguments(out, 6)
+    with pytest.raises(
+        InputError, match=r"another model\.network\.init_args\.config\.use_depth; .* --output"
+    ):
+        main([first, config, *rest, no_depth])
+    with pytest.raises(InputError, match=r"another data\.pairs\.zoom\.probability; .* --output"):
+        main([*arguments(out, 6), "--data.pairs.zoom.probability=0.1"])
+    assert steps_of(out / "last.ckpt") == 4
+    main([*arguments(out, 5), "--model.learning_rate=1e-4", "--data.batch_size=2", "--threads=1"])
+    assert steps_of(out / "last.ckpt") == 5 and not list(out.glob("*=*.ckpt"))
 
 
 def steps_of(checkpoint: Path) -> int:
@@ -118,13 +132,32 @@ def test_configurations_that_came_with_the_package_are_found_from_anywhere(
 
 @pytest.mark.filterwarnings("ignore")
 def test_what_is_wrong_in_a_worker_process_is_one_sentence(tmp_path: Path) -> None:
-    (tmp_path / "pairs").mkdir()
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "0.png").touch()
     words = [word for word in arguments(tmp_path / "out", 2) if "workers" not in word]
-    words += ["--data.workers=1", f"--data.written={tmp_path / 'pairs'}"]
+    words += ["--data.workers=1", f"--data.photos={tmp_path / 'photos'}"]
     with pytest.raises(InputError) as error:
         main(words)
-    assert "Traceback" not in str(error.value) and "pairs" in str(error.value)
+    assert "Traceback" not in str(error.value) and "no readable picture" in str(error.value)
     assert str(error.value).endswith(".")
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (
+            [f"--config={ROOT / 'configs/overlay/gpu.yaml'}"],
+            r"the trainer refuses .*gpu.*trainer\.accelerator cpu",
+        ),
+        (["--data.device=cuda"], r"data\.device is cuda, but PyTorch finds no NVIDIA GPU"),
+        (["--data.photos=nowhere"], "Photo folder nowhere does not exist"),
+    ],
+)
+def test_what_is_not_there_is_one_sentence(tmp_path: Path, options: list[str], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        main([*arguments(tmp_path, 2), *options])
 
 
 @pytest.mark.filterwarnings("ignore")

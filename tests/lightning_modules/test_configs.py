@@ -46,6 +46,27 @@ def test_every_configuration_is_read_with_every_overlay(path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("path", FITS, ids=lambda path: path.stem)
+def test_a_fit_s_pairs_can_be_looked_at_from_any_folder(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # where neither a teacher nor any other weights are
+    assert read_data([f"--config={path}"]).validation_batches == 8
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", ["compact", "multi_object_correlation", "my_object"])
+def test_on_a_cpu_rollouts_begin_with_the_first_weights_that_the_fit_writes(name: str) -> None:
+    data = read_data([f"--config={CONFIGS / 'fit' / name}.yaml"])
+    assert data.rollouts.iterations > 0 and data.rollouts.first_step == 0
+
+
+def test_one_s_own_object_begins_with_the_shipped_weights_from_any_folder() -> None:
+    text = (CONFIGS / "fit" / "my_object.yaml").read_text(encoding="utf-8")
+    assert yaml.safe_load(text)["model"]["init_from"] == "shipped"
+
+
+@pytest.mark.filterwarnings("ignore")
 def test_a_gpu_can_draw_the_pairs_itself() -> None:
     data = read_data([f"--config={CONFIGS / 'fit' / 'compact.yaml'}", f"--config={GPU_PAIRS}"])
     assert (data.device, data.workers, data.batch_size) == ("cuda", 0, 512)

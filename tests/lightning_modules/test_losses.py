@@ -14,6 +14,7 @@ from lightning_modules.losses import (
     is_right,
     matching_loss,
     point_error,
+    shape_loss,
     view_loss,
     view_pictures,
 )
@@ -141,7 +142,7 @@ def test_invisible_objects_teach_no_descriptors() -> None:
     assert loss.item() == 0 and described.grad is not None and described.grad.abs().max() == 0
 
 
-def test_far_and_absent_pairs_teach_the_confidence_alone(batch: TrainingBatch) -> None:
+def test_far_and_absent_pairs_teach_no_pose_delta(batch: TrainingBatch) -> None:
     network = CorrelationNet().eval()
     radius = network.config.radius
     with torch.no_grad():
@@ -152,5 +153,29 @@ def test_far_and_absent_pairs_teach_the_confidence_alone(batch: TrainingBatch) -
         terms = [correlation_losses(output, b, radius, LossWeights())[0] for b in batches]
     for name in ("solved", "delta", "points", "actions"):
         assert terms[0][name] > 0 and terms[1][name] == 0
+    for name in ("matching", "coarse", "fine", "visibility", "confidence"):
+        assert terms[1][name] > 0
     assert not is_right(absent, torch.zeros(len(batch.delta))).any()
     assert terms[2]["confidence"] > 0
+
+
+def test_truth_and_errors_have_all_their_digits_within_autocast(batch: TrainingBatch) -> None:
+    """Autocast's products of matrices would move each point by a fraction of a pixel."""
+    fine, off = dense_truth(batch, 4), 0.9 * batch.delta
+    error = point_error(batch, off)
+    with torch.autocast("cpu", torch.bfloat16):
+        rounded = dense_truth(batch, 4)
+        assert torch.equal(point_error(batch, off), error)
+    assert torch.equal(rounded.displacement, fine.displacement)
+    assert torch.equal(rounded.visible, fine.visible)
+
+
+def test_the_stated_precision_is_computed_in_float32(batch: TrainingBatch) -> None:
+    """A network's answers are short numbers within autocast, the loss of them is not."""
+    truth = dense_truth(batch, 4)
+    cells = CorrelationNet().eval()(batch.observation).fine
+    short = (
+        2 * torch.randn(cells.shape.shape, generator=torch.Generator().manual_seed(0))
+    ).bfloat16()
+    expected = shape_loss(replace(cells, shape=short.float()), truth)
+    assert torch.equal(shape_loss(replace(cells, shape=short), truth), expected)

@@ -1,7 +1,6 @@
-"""The data module: held-out meshes, streams that never repeat, written pairs, rollouts."""
+"""The data module: held-out meshes, what its options come to, written pairs, rollouts."""
 
 import dataclasses
-import os
 from collections import Counter
 from collections.abc import Iterator
 from itertools import islice
@@ -14,30 +13,15 @@ import pytorch_lightning as pl
 import torch
 
 from lightning_modules.bank_pairs import BankStream
-from lightning_modules.pair_data_module import (
-    PairDataModule,
-    PairStream,
-    RolloutConfig,
-    WrittenStream,
-    _Student,
-)
+from lightning_modules.pair_data_module import LARGEST_VALIDATION, PairDataModule
+from lightning_modules.pair_streams import PairStream, RolloutConfig, WrittenStream
 from moveit6d.errors import InputError
-from moveit6d.geometry.mesh import Mesh
 from moveit6d.networks.action_net import ActionConfig, ActionNet
-from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
+from moveit6d.networks.correlation import CorrelationNet
 from moveit6d.networks.weights_file import save_network
-from moveit6d.synthesis.training.pairs import TrainingBatch
-from moveit6d.synthesis.training.shards import ShardPlan, ShardWriter
+from moveit6d.synthesis.training.pairs import PairConfig, PairGenerator, TrainingBatch
 from moveit6d.synthesis.training.source import PairSource
-from tests.support.pairs import preset, small_source
-
-TINY = CorrelationConfig(channels=(4, 6, 8), geometry=(4, 4, 4), context=8, decoder=8, fine=8)
-
-
-@pytest.fixture(scope="module")
-def source(tmp_path_factory: pytest.TempPathFactory) -> PairSource:
-    """Three pictures and one procedural shape."""
-    return small_source(tmp_path_factory.mktemp("photos"))
+from tests.support.pairs import preset
 
 
 def folder_of(tmp_path: Path, count: int) -> Path:
@@ -69,37 +53,64 @@ def test_a_folder_with_too_few_meshes_is_refused(tmp_path: Path) -> None:
         PairDataModule(occluders=empty).source()
 
 
-def first_delta(source: PairSource, step: int, first: int = 0) -> torch.Tensor:
-    stream = PairStream(source, 2, 50, (0, step), None, first)
-    return next(iter(stream)).delta
+def drawn_meshes(monkeypatch: pytest.MonkeyPatch) -> list[list[Any]]:
+    """The meshes of every generator that is made from now on."""
+    found: list[list[Any]] = []
+    original = PairGenerator.__init__
+
+    def noted(self: PairGenerator, objects: Any, *rest: Any, **named: Any) -> None:
+        found.append(list(objects))
+        original(self, objects, *rest, **named)
+
+    monkeypatch.setattr(PairGenerator, "__init__", noted)
+    return found
 
 
-def test_a_resumed_stream_and_another_process_draw_other_pairs(source: PairSource) -> None:
-    now, again = first_delta(source, 0), first_delta(source, 0)
-    assert torch.equal(now, again)
-    assert not torch.equal(first_delta(source, 250), now)
-    assert not torch.equal(first_delta(source, 0, first=1), now)
-
-
-@pytest.mark.parametrize(("renew_every", "made"), [(0, 1), (1, 4), (2, 2)])
-def test_shapes_are_renewed_unless_the_object_is_to_stay(
-    source: PairSource, monkeypatch: pytest.MonkeyPatch, renew_every: int, made: int
+@pytest.mark.parametrize("photos", [True, False])
+def test_shapes_that_stay_are_the_same_at_every_step_in_every_process_and_validate(
+    source: PairSource, monkeypatch: pytest.MonkeyPatch, photos: bool
 ) -> None:
-    shapes = []
-    original = PairSource.shape
+    found = drawn_meshes(monkeypatch)
+    module = PairDataModule(
+        photos=source.photos if photos else None, shapes=0, renew_every=0, batch_size=2,
+        workers=0, validation_batches=1, seed=4,
+    )  # fmt: skip
+    for step, rank in ((0, 0), (250, 1)):
+        monkeypatch.setattr(PairDataModule, "_step", lambda _, step=step: step)
+        monkeypatch.setattr(PairDataModule, "_rank", lambda _, rank=rank: rank)
+        next(iter(module.train_dataloader()))
+    module.val_dataloader()
+    (first,), *others = found
+    assert len(others) == 2
+    for (other,) in others:
+        assert np.array_equal(first.vertices, other.vertices)
+        assert np.array_equal(first.texture, other.texture)
 
-    def counted(
-        self: PairSource,
-        random: np.random.Generator,
-        pictures: list[np.ndarray],
-        meshes: tuple[Mesh, ...],
-    ) -> Mesh:
-        shapes.append(original(self, random, pictures, meshes))
-        return shapes[-1]
 
-    monkeypatch.setattr(PairSource, "shape", counted)
-    list(islice(PairStream(source, 1, renew_every, (0, 0)), 3))
-    assert len(shapes) == made
+def test_shapes_that_are_renewed_are_each_process_s_own(
+    source: PairSource, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = drawn_meshes(monkeypatch)
+    module = PairDataModule(
+        photos=source.photos, shapes=1, batch_size=2, workers=0, validation_batches=1
+    )
+    next(iter(module.train_dataloader()))
+    module.val_dataloader()
+    (first,), others = found
+    assert len(others) == 8 and all(
+        one.vertices.shape != first.vertices.shape
+        or not np.array_equal(one.vertices, first.vertices)
+        for one in others
+    )
+
+
+def test_batches_that_validate_are_no_larger_than_a_cpu_draws(
+    source: PairSource, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes: list[int] = []
+    monkeypatch.setattr(PairGenerator, "batch", lambda _, size: sizes.append(size))
+    PairDataModule(photos=source.photos, batch_size=512, validation_batches=2).val_dataloader()
+    assert sizes == [LARGEST_VALIDATION] * 2
 
 
 def test_symmetric_shapes_are_as_many_as_wanted(source: PairSource) -> None:
@@ -127,50 +138,6 @@ def test_slender_copies_are_as_many_as_wanted(source: PairSource) -> None:
     assert len(slender) == pytest.approx(20, abs=8)
     of_mesh = sum(shape.name == f"slender_{mesh.name}" for shape in slender)
     assert 0 < of_mesh < len(slender), "others are copies of shapes"
-
-
-# -- states that the network itself leads to -------------------------------------------------------
-
-
-def batches(source: PairSource, rollouts: RolloutConfig, count: int) -> list[torch.Tensor]:
-    stream = PairStream(source, 2, 0, (0, 0), rollouts)
-    return [batch.delta for batch in islice(stream, count)]
-
-
-def test_without_a_network_file_all_batches_are_fresh(source: PairSource, tmp_path: Path) -> None:
-    fresh = batches(source, RolloutConfig(), 3)
-    waiting = batches(source, RolloutConfig(tmp_path / "none.safetensors", 3), 3)
-    assert all(torch.equal(a, b) for a, b in zip(fresh, waiting, strict=True))
-
-
-def test_with_one_every_second_batch_is_where_it_led(source: PairSource, tmp_path: Path) -> None:
-    weights = tmp_path / "weights.safetensors"
-    save_network(CorrelationNet(TINY), weights)
-    fresh = batches(source, RolloutConfig(), 1)
-    found = batches(source, RolloutConfig(weights, 1), 2)
-    assert torch.equal(found[0], fresh[0])
-    assert found[1].shape == fresh[0].shape and not torch.equal(found[1], fresh[0])
-    assert (found[1] - found[0]).abs().max() < 60, "a move away, not another pair"
-    assert len(batches(source, RolloutConfig(weights, 0), 2)) == 2  # no iterations: none asked
-
-
-def test_a_new_file_is_read_anew(tmp_path: Path) -> None:
-    weights = tmp_path / "weights.safetensors"
-    save_network(CorrelationNet(TINY), weights)
-    student = _Student(RolloutConfig(weights, 1))
-    assert student.ready()
-    first = student.network
-    assert student.ready() and student.network is first
-    save_network(CorrelationNet(TINY), weights)
-    os.utime(weights, (1e9, 1e9))
-    assert student.ready() and student.network is not first
-
-
-def test_a_network_of_single_actions_cannot_lead(source: PairSource, tmp_path: Path) -> None:
-    weights = tmp_path / "weights.safetensors"
-    save_network(ActionNet(ActionConfig(channels=(4, 4, 4, 4), hidden=4)), weights)
-    with pytest.raises(InputError, match="all six axes"):
-        batches(source, RolloutConfig(weights, 1), 2)
 
 
 # -- pairs that the GPU draws ----------------------------------------------------------------------
@@ -217,6 +184,12 @@ def test_what_has_no_effect_on_the_gpu_is_refused(
         PairDataModule(device="cuda", **options).train_dataloader()
 
 
+def test_a_gpu_that_is_not_there_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(InputError, match=r"data\.device is cuda.*set data\.device to cpu"):
+        PairDataModule(device="cuda").setup("fit")
+
+
 def test_meshes_alone_need_no_renewing_on_the_gpu(tmp_path: Path) -> None:
     module = PairDataModule(
         meshes=folder_of(tmp_path, 1), holdout=0, shapes=0, renew_every=0, device="cuda"
@@ -225,16 +198,6 @@ def test_meshes_alone_need_no_renewing_on_the_gpu(tmp_path: Path) -> None:
 
 
 # -- pairs from disk -------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def written(source: PairSource, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("pairs")
-    writer = ShardWriter(source, ShardPlan(4, batches=2, batch_size=2), folder)
-    writer.claim()
-    for number in range(4):
-        writer.write(number)
-    return folder
 
 
 def test_the_loader_reads_every_written_pair_once_in_workers(written: Path) -> None:
@@ -246,16 +209,6 @@ def test_the_loader_reads_every_written_pair_once_in_workers(written: Path) -> N
     alone = epoch(0)
     assert len(alone) == 8 and set(alone.values()) == {1}
     assert epoch(2) == alone
-
-
-def test_processes_share_written_pairs_and_go_on(written: Path) -> None:
-    def delta(step: int, rank: int, number: int) -> list[tuple[float, ...]]:
-        stream = WrittenStream(written, 2, 0, step, rank, 2)
-        return [tuple(b.delta.flatten().tolist()) for b in islice(stream, number)]
-
-    first, second = delta(0, 0, 4), delta(0, 1, 4)
-    assert not set(first) & set(second) and len(set(first + second)) == 8
-    assert delta(3, 1, 1) == second[3:]
 
 
 def test_written_pairs_come_in_other_dihedral_views_each_time(written: Path) -> None:
@@ -276,15 +229,52 @@ def test_dihedral_views_are_of_written_pairs() -> None:
         PairDataModule(dihedral=True)
 
 
+def trainer(folder: Path, accumulated: int = 1) -> pl.Trainer:
+    return pl.Trainer(
+        default_root_dir=folder, accelerator="cpu", logger=False, enable_checkpointing=False,
+        accumulate_grad_batches=accumulated,
+    )  # fmt: skip
+
+
+def test_a_fit_that_goes_on_skips_batches_and_not_steps(
+    written: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(PairDataModule, "_step", lambda _: 3)
+    module = PairDataModule(written=written, batch_size=2, workers=0)
+    module.trainer = trainer(tmp_path, accumulated=2)
+    used = list(islice(WrittenStream(written, 2, 0, 0, 0, 1), 8))
+    left = list(islice(module.train_dataloader(), 2))
+    for one, other in zip(used[6:], left, strict=True):
+        assert torch.equal(one.delta, other.delta)
+
+
 def test_rollouts_are_of_what_the_fit_itself_exports_unless_told_otherwise(tmp_path: Path) -> None:
-    for given, used in ((None, tmp_path / "weights.safetensors"), (Path("other"), Path("other"))):
+    other = tmp_path / "other.safetensors"
+    save_network(CorrelationNet(), other)
+    for given, used in ((None, tmp_path / "weights.safetensors"), (other, other)):
         module = PairDataModule(shapes=1, workers=0, rollouts=RolloutConfig(given, 2))
-        module.trainer = pl.Trainer(
-            default_root_dir=tmp_path, accelerator="cpu", logger=False, enable_checkpointing=False
-        )
+        module.trainer = trainer(tmp_path)
         stream = module.train_dataloader().dataset
         assert isinstance(stream, PairStream)
         assert stream.rollouts == RolloutConfig(used, 2)
+
+
+def test_weights_that_lead_nowhere_are_refused_before_the_first_pair(tmp_path: Path) -> None:
+    mistyped = PairDataModule(rollouts=RolloutConfig(tmp_path / "nowhere.safetensors", 2))
+    with pytest.raises(InputError, match=r"data\.rollouts\.weights: .*nowhere.* does not exist"):
+        mistyped.train_dataloader()
+    weights = tmp_path / "weights.safetensors"
+    save_network(ActionNet(ActionConfig(channels=(4, 4, 4, 4), hidden=4)), weights)
+    with pytest.raises(InputError, match="all six axes"):
+        PairDataModule(rollouts=RolloutConfig(weights, 2)).train_dataloader()
+    unused = PairDataModule(shapes=1, rollouts=RolloutConfig(tmp_path / "nothing", 0))
+    assert isinstance(unused.train_dataloader().dataset, PairStream)
+
+
+def test_written_pairs_of_other_crops_are_refused(written: Path) -> None:
+    module = PairDataModule(written=written, pairs=PairConfig(crop="axis_parallel"))
+    with pytest.raises(InputError, match=r"holds pairs with look_at crops.*set it to look_at"):
+        module.train_dataloader()
 
 
 def test_templates_are_not_among_written_pairs(written: Path) -> None:
@@ -297,3 +287,27 @@ def test_written_pairs_and_rollouts_exclude_each_other(written: Path) -> None:
     module = PairDataModule(written=written, rollouts=RolloutConfig(Path("w"), 2))
     with pytest.raises(InputError, match=r"data\.rollouts\.iterations"):
         module.train_dataloader()
+
+
+# -- what a fit goes by ----------------------------------------------------------------------------
+
+
+def test_facts_change_with_the_pairs_and_not_with_who_draws_them(
+    source: PairSource, written: Path
+) -> None:
+    options: dict[str, Any] = {"photos": source.photos, "shapes": 3}
+    facts = PairDataModule(**options).facts()
+    same = {"workers": 8, "batch_size": 16, "device": "cuda", "validation_batches": 2}
+    assert PairDataModule(**options, **same).facts() == facts
+    others: dict[str, Any] = {
+        "shapes": 4, "seed": 1, "renew_every": 0, "photos": None, "slender": 0.5,
+        "written": written, "rollouts": RolloutConfig(None, 2),
+        "pairs": PairConfig(crop="axis_parallel"),
+    }  # fmt: skip
+    for name, value in others.items():
+        other = PairDataModule(**{**options, name: value}).facts()
+        # Named by both: what a record does not name is taken for the same.
+        assert any(facts[key] != other[key] for key in facts.keys() & other.keys()), name
+    assert set(PairDataModule(written=written).facts()) == {
+        "data.written", "data.dihedral", "data.seed"
+    }  # fmt: skip

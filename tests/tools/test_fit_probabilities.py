@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from moveit6d.geometry.pose import Pose
 from moveit6d.networks.compact import CompactConfig, CompactCorrelationNet
 from moveit6d.networks.inference import InferenceNetwork
 from moveit6d.networks.weights_file import load_network, save_network
+from moveit6d.parallel import JobResult
 from moveit6d.policies import NetworkPolicy
 from moveit6d.rendering.backends import make_renderer
 from tests.support.observations import an_observation
@@ -115,3 +116,33 @@ def test_what_is_known_to_be_there_raises_all_log_odds_alike(tool: Any, capsys: 
     ]
     tool.report_present(weights, examples)
     assert "present 1.5" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("head", [False, True])
+def test_what_a_search_head_says_is_not_calibrated_with_the_line_of_another(
+    tool: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, head: bool
+) -> None:
+    """Detections ask the search head, if there is one, which `--calibrated` leaves as it is."""
+    weights = tmp_path / "weights.safetensors"
+    save_network(CompactCorrelationNet(CompactConfig(search_head=head)), weights)
+    random = np.random.default_rng(0)
+    kinds = [
+        [tool.Example((c, 0.3), 0.05 if random.random() < c * c else 0.3, "x") for c in said]
+        for said in random.random((4, 400))
+    ]
+    told: dict[str, Any] = {}
+    monkeypatch.setattr(
+        tool, "PairDataModule", lambda **_: SimpleNamespace(mesh_paths=lambda: ((), [weights]))
+    )
+    monkeypatch.setattr(tool, "run_jobs", lambda *_, **__: [JobResult(0, kinds)])
+    monkeypatch.setattr(tool, "report", lambda name, _, examples: told.update({name: examples}))
+    monkeypatch.setattr(tool, "report_present", lambda _, examples: told.update(present=examples))
+    monkeypatch.setattr("sys.argv", [
+        "fit_probabilities", "--meshes", "none", "--photos", "none", "--weights", str(weights),
+        "--calibrated", str(tmp_path / "calibrated.safetensors"),
+    ])  # fmt: skip
+    tool.main()
+    found, followed, _, present = kinds
+    assert (told["VerificationConfig"] == tool.in_log_odds(found)) is head
+    assert (told["present"] == tool.in_log_odds(present)) is head
+    assert told["StateConfig"] != followed, "tracks ask the confidence that is calibrated"

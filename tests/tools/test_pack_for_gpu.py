@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
+import trimesh
 from PIL import Image
 
 from moveit6d.datasets.mesh_writers import write_obj
@@ -13,8 +15,11 @@ from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.symmetry import Symmetries
 from moveit6d.geometry.symmetry_file import write_symmetries
+from moveit6d.rendering.cuda_renderer import BankRenderer
 from tests.support.meshes import textured_box
 from tests.support.pairs import photos
+from tests.support.rasterizer import compiled
+from tools import pack_for_gpu, probe_gpu
 from tools.pack_for_gpu import main
 
 
@@ -55,3 +60,27 @@ def test_any_other_folder_is_left_alone(given: list[str], tmp_path: Path, name: 
     with pytest.raises(InputError, match=f"pack holds {name}, which is not of a pack"):
         main([*given, str(pack)])
     assert (pack / name / "work").read_text() == "years"
+
+
+def test_a_mesh_of_one_colour_is_packed_and_compared_as_training_takes_it(
+    given: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    box = trimesh.creation.box((0.05, 0.06, 0.07))
+    box.visual.face_colors = (90, 120, 30, 255)
+    box.export(tmp_path / "meshes" / "a_box.ply")
+    assert main([*given, str(tmp_path / "pack")]) == 0
+    monkeypatch.setattr(probe_gpu, "CUDA", torch.device("cpu"))
+    monkeypatch.setattr(probe_gpu, "BankRenderer", lambda bank: BankRenderer(bank, compiled()))
+    probe_gpu._compare(tmp_path / "pack")
+    assert "renderings as ray casting" in capsys.readouterr().out
+
+
+def test_a_pack_that_is_too_large_says_so(
+    given: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pack_for_gpu, "LIMIT", 2**20)
+    with pytest.raises(InputError, match="pack is larger than the 1 MiB that"):
+        main([*given, str(tmp_path / "pack")])

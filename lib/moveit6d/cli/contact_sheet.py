@@ -39,7 +39,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--output", type=Path, required=True, metavar="FILE", help="PNG to write")
     parser.add_argument("--count", type=positive, default=24, metavar="N", help="pairs")
     parser.add_argument("--across", type=positive, default=2, metavar="N", help="pairs a row")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same pairs")
+    parser.add_argument("--seed", type=seed, default=0, metavar="N", help="same seed, same pairs")
     parser.add_argument(
         "--cluster",
         metavar="NAME",
@@ -69,14 +69,19 @@ def add_data_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def seed(text: str) -> int:
+    """An option's whole number, 0 or above."""
+    if not (text.isascii() and text.isdigit()):
+        raise argparse.ArgumentTypeError(f"must be a whole number, 0 or above, found {text!r}")
+    return int(text)
+
+
 def data_of(args: argparse.Namespace) -> PairDataModule:
     """The data module by the options of `add_data_options`."""
     require("train", "The configuration of a fit")
     from lightning_modules.cli import read_data
 
     words = [f"--config={path}" for path in args.config]
-    if not args.config:  # LightningCLI insists on a network, which nobody needs here
-        words.append("--model.network=moveit6d.networks.action_net.ActionNet")
     return read_data(words + [f"--{word}" for word in args.set])
 
 
@@ -92,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
     source = data_of(args).source()
     random = np.random.default_rng(args.seed)
     photos, meshes = source.load_photos(random), source.load_meshes()
-    meshes += [source.shape(random, photos, meshes) for _ in range(source.shapes)]
+    meshes += source.make_shapes(random, photos, meshes)
     generator = source.generator(random, photos, meshes, source.load_occluders())
     sheet = contact_sheet(generator.batch(args.count, args.cluster), args.across)
     with replacing(args.output) as temporary:

@@ -18,6 +18,7 @@ DESCRIPTION = """\
 Trains a network by a configuration file on pairs that are rendered as training goes on. Every
 value of the file can be overridden on the command line by its dotted name. Run the same command
 again after it was killed and it goes on from its last checkpoint (ckpt_path: last in the file).
+Another network, other meshes or other pairs need another --output.
 
 All options are those of LightningCLI: `moveit6d fit --all_options` prints them, and
 `moveit6d fit --config FILE --print_config` the configuration that would be used.

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..errors import InputError
 from .common import add_verb, positive
-from .contact_sheet import add_data_options, data_of
+from .contact_sheet import add_data_options, data_of, seed
 from .messages import note, progress_bar
 
 DESCRIPTION = """\
@@ -41,7 +41,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--output", type=Path, required=True, metavar="DIR", help="folder")
     parser.add_argument("--shards", type=positive, required=True, metavar="N", help="files in all")
     parser.add_argument("--batches", type=positive, default=32, metavar="N", help="batches a shard")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same pairs")
+    parser.add_argument("--seed", type=seed, default=0, metavar="N", help="same seed, same pairs")
     parser.add_argument(
         "--part", type=part, default=(1, 1), metavar="I/N", help="write part I of N (default: 1/1)"
     )

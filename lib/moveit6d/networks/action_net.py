@@ -49,10 +49,15 @@ class ActionNet(nn.Module):
         )
 
     def forward(self, observation: Observation) -> tuple[PolicyOutput, Tensor]:
-        """The prediction, and the confidence's logit (B,) for training."""
+        """The prediction, and the confidence's logit (B,) for training.
+
+        The logit's gradient reaches the confidence's own weights alone, those of output 13: the
+        actions are learnt as if there were none.
+        """
         channels = observation.channels(self.config.use_depth) - GREY
         features = self.embed(channels.contiguous(memory_format=torch.channels_last))
         attention = torch.sigmoid(self.attend(features))
-        values = self.classifier(attention_pool(features, attention))
-        prediction = PolicyOutput(values[:, :13], None, torch.sigmoid(values[:, 13]), attention)
-        return prediction, values[:, 13]
+        first, relu, last = self.classifier
+        hidden = relu(first(attention_pool(features, attention)))
+        logits, confidence = last(hidden)[:, :13], last(hidden.detach())[:, 13]
+        return PolicyOutput(logits, None, torch.sigmoid(confidence), attention), confidence

@@ -143,8 +143,9 @@ class CorrelationNet(nn.Module):
             image8, render8 = image8.detach(), render8.detach()
         matching = correlation * self.temperature.exp()
         volume = correlation.detach() if matching_only else correlation
-        share = torch.softmax(volume * self.temperature.exp(), 1)
-        first = torch.einsum("bkyx,kc->bcyx", share, self.offsets)  # cells
+        share = torch.softmax((volume * self.temperature.exp()).float(), 1)
+        with torch.autocast(share.device.type, enabled=False):  # 8 bits are too few for places
+            first = torch.einsum("bkyx,kc->bcyx", share, self.offsets)  # cells
         context = self.context(side_by_side(image8, render8, self.geometry8(geometry4)))
         hidden = self.decode(side_by_side(volume * 4, first / 8, context))
         coarse = dense_prediction(self.answer(hidden), first * 8, 8.0)
@@ -180,13 +181,14 @@ class CorrelationNet(nn.Module):
         return described
 
     def _solve(self, observation: Observation, depth: Tensor, cells: DensePrediction) -> Tensor:
-        """The pose delta (B, 6) that fits the dense predictions."""
+        """The pose delta (B, 6) that fits the dense predictions, solved in float32."""
         points = surface_points(depth, observation.distance, self.fine_pixels)
         covered = observation.mask[:, 0, self.fine_pixels[:, 1], self.fine_pixels[:, 0]]
-        weight = torch.sigmoid(cells.weight).flatten(1) * covered
-        moves = cells.displacement.flatten(2).mT
+        weight = torch.sigmoid(cells.weight.float()).flatten(1) * covered
+        moves, shape = (one.flatten(2).mT.float() for one in (cells.displacement, cells.shape))
         slopes = jacobian(points, observation.distance)
-        return solve_delta(moves, weight, cells.shape.flatten(2).mT, slopes, self.damping.exp())
+        with torch.autocast(depth.device.type, enabled=False):
+            return solve_delta(moves, weight, shape, slopes, self.damping.exp())[0]
 
     def _refine(
         self,

@@ -60,8 +60,12 @@ def test_what_is_pasted_is_what_is_said_to_be_covered() -> None:
 
 
 def test_occluders_are_other_objects_and_cutouts_of_photos() -> None:
-    objects, photos = torch.full((400, 4, 24, 24), 0.25), torch.ones(400, 3, 24, 24)
-    draw = occluder_source(objects, photos, OcclusionConfig(photo_probability=0.45), rng())
+    draw = occluder_source(
+        lambda count: torch.full((count, 4, 24, 24), 0.25),
+        lambda count: torch.ones(count, 3, 24, 24),
+        OcclusionConfig(photo_probability=0.45),
+        rng(),
+    )
     layers = draw(torch.arange(400))
     cut = (layers[:, 3].flatten(1).amax(1) == 1).float()
     assert cut.mean() == pytest.approx(0.45, abs=0.08)

@@ -37,3 +37,7 @@ def test_groups_are_drawn_by_their_shares() -> None:
     drawn = a_bank([3.0, 1.0]).draw(np.random.default_rng(0), 2000)
     assert abs(float((drawn == 0).float().mean()) - 0.75) < 0.04
     assert set(drawn.tolist()) == set(range(len(objects())))
+
+
+def test_sets_know_how_many_objects_are_drawn() -> None:
+    assert len(MeshObjects(objects())) == len(a_bank([1.0, 1.0])) == len(objects())

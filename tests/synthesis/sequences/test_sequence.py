@@ -188,6 +188,19 @@ def test_other_folders_are_left_alone(tmp_path: Path, robot: Mesh) -> None:
     assert (tmp_path / "thesis.txt").read_text() == "years of work"
 
 
+def test_what_lies_beside_an_older_sequence_is_not_removed_with_it(
+    tmp_path: Path, robot: Mesh
+) -> None:
+    place = tmp_path / "clip"
+    options = {"mesh": robot, "seed": 1, "frames": 2, "difficulty": "easy", "camera": SMALL}
+    write_sequence(place, **options)
+    (place / "overlay.mp4").write_text("a track of it")
+    (place / "frames" / "mask.png").write_text("mine")
+    with pytest.raises(InputError, match=r"clip holds frames/mask\.png, overlay\.mp4 beside a seq"):
+        write_sequence(place, **options)
+    assert (place / "overlay.mp4").read_text() == "a track of it"
+
+
 def test_interrupted_writing_leaves_nothing(tmp_path: Path, robot: Mesh) -> None:
     def stop(number: int) -> None:
         raise KeyboardInterrupt

@@ -119,3 +119,13 @@ def test_impossible_levels_are_said(tmp_path: Path, box: Mesh, levels: tuple[int
 def test_names_are_those_of_folders(box: Mesh) -> None:
     assert object_name(replace(box, name="Textured Box-2")) == "textured_box_2"
     assert object_name(replace(box, name="!?")) == "object"
+
+
+def test_what_was_added_to_an_earlier_data_set_is_left_alone(tmp_path: Path, box: Mesh) -> None:
+    root = tmp_path / "laval"
+    write_laval_surrogate(root, {"box": box}, OPTIONS, (0,), SMALL)
+    write_laval_surrogate(root, {"box": box}, OPTIONS, (0,), SMALL)  # its own are replaced
+    (root / "thesis.txt").write_text("years of work")
+    with pytest.raises(InputError, match=r"holds thesis\.txt beside a data set made here"):
+        write_laval_surrogate(root, {"box": box}, OPTIONS, (0,), SMALL)
+    assert (root / "thesis.txt").read_text() == "years of work"

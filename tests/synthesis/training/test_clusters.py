@@ -50,3 +50,14 @@ def test_the_paper_s_shares_are_a_fifth_each() -> None:
 def test_unknown_clusters_are_named() -> None:
     with pytest.raises(InputError, match="'huge'"):
         draw("huge", 1)
+
+
+@pytest.mark.parametrize("share", [-0.1, float("nan"), float("inf")])
+def test_shares_that_are_none_are_refused(share: float) -> None:
+    with pytest.raises(InputError, match=r"ClusterConfig: all_small must be 0 or more and finite"):
+        ClusterConfig(all_small=share)
+
+
+def test_a_choice_among_no_clusters_is_refused() -> None:
+    with pytest.raises(InputError, match="ClusterConfig: one share at least must be above 0"):
+        ClusterConfig(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -1,5 +1,7 @@
 """Training pairs: truth fits picture, seeds repeat, augmentation keeps to its shares."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,7 +9,11 @@ import torch
 from moveit6d.geometry.crop import Crop
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.networks.least_squares import cell_pixels, move_points, project_points, surface_points
+from moveit6d.rendering.renderer import GBuffer
 from moveit6d.synthesis.augmentation.backgrounds import procedural_photo
+from moveit6d.synthesis.augmentation.config import AugmentConfig, OcclusionConfig
+from moveit6d.synthesis.augmentation.lights import LightConfig
+from moveit6d.synthesis.augmentation.occluder_bank import BankConfig
 from moveit6d.synthesis.objects.shapes import random_object
 from moveit6d.synthesis.objects.symmetric_shapes import symmetric_object
 from moveit6d.synthesis.training.clusters import ClusterConfig
@@ -17,6 +23,7 @@ from moveit6d.synthesis.training.pairs import (
     TrainingBatch,
     ZoomConfig,
 )
+from tests.support.meshes import square
 from tests.support.pairs import objects, photos, preset
 
 
@@ -207,3 +214,79 @@ def test_parts_hold_every_pair_once_with_its_views() -> None:
     assert torch.equal(second.observation.image, whole.observation.image[1::2])
     assert torch.equal(second.views.image, whole.views.image[1::2])
     assert len(first.views.image) == config.views.count(5), "and so those of the first pairs"
+
+
+def sheet(*colour: int) -> Mesh:
+    """A sheet of one colour."""
+    return square(colors=np.tile(np.uint8(colour), (4, 1)))
+
+
+def shown_where_absent(meshes: list[Mesh], monkeypatch: pytest.MonkeyPatch) -> GBuffer:
+    """What is drawn instead of the first mesh in 40 images that do not show it."""
+    generator = PairGenerator(meshes, list(photos()), PairConfig(absent_probability=1.0), 0)
+    picture, seen = generator.composer.picture, list[GBuffer]()
+
+    def looked_at(observed: GBuffer, *others: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        seen.append(observed)
+        return picture(observed, *others)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(generator.composer, "picture", looked_at)
+    batch = generator.compose(
+        torch.zeros(40, dtype=torch.long), torch.zeros(40, 6, dtype=torch.float64)
+    )
+    assert batch.present.max() == 0 and batch.true_mask.max() == 0
+    return seen[0]
+
+
+def test_an_only_object_that_is_absent_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert shown_where_absent([objects()[0]], monkeypatch).mask.max() == 0
+
+
+def test_another_object_or_none_is_shown_instead_of_an_absent_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen = shown_where_absent([sheet(255, 0, 0), sheet(0, 255, 0)], monkeypatch)
+    assert seen.albedo[:, 0].max() == 0 and seen.albedo[:, 1].max() == 1
+    shown = seen.mask.flatten(1).amax(1).mean()
+    assert 0.25 < shown < 0.75
+
+
+OPEN = AugmentConfig(
+    occlusion=OcclusionConfig(probability=1.0, scale=(1.0, 1.0), photo_probability=0.0),
+    clutter=replace(AugmentConfig().clutter, probability=0.0),
+    image_border=replace(AugmentConfig().image_border, probability=0.0),
+)
+
+
+@pytest.mark.parametrize("bank", [0, 8])
+def test_given_occluders_are_put_in_front_with_and_without_a_bank(bank: int) -> None:
+    config = PairConfig(
+        augment=OPEN, lights=LightConfig(unlit_probability=1.0), bank=BankConfig(size=bank)
+    )
+    grey = [np.full((150, 150, 3), 100, np.uint8)]
+    batch = PairGenerator([sheet(0, 0, 255)], grey, config, 0, [sheet(255, 0, 0)]).batch(8)
+    covered = (batch.clear == 0).expand(-1, 3, -1, -1)
+    red, _, blue = batch.observation.image.transpose(0, 1)[:, covered[:, 0]]
+    assert len(red) > 1000 and (red > blue + 0.2).float().mean() > 0.9
+
+
+def test_without_other_occluders_the_objects_are_in_front_of_each_other() -> None:
+    config = PairConfig(augment=OPEN, lights=LightConfig(unlit_probability=1.0))
+    grey = [np.full((150, 150, 3), 100, np.uint8)]
+    batch = PairGenerator([sheet(0, 0, 255)], grey, config, 0).batch(8)
+    red, _, blue = batch.observation.image.transpose(0, 1)[:, batch.clear[:, 0] == 0]
+    assert len(red) > 1000 and (blue > red + 0.2).float().mean() > 0.9
+
+
+def test_deltas_that_are_not_finite_are_not_applied(
+    generator_parts: tuple[list[Mesh], list[np.ndarray]],
+) -> None:
+    generator = PairGenerator(*generator_parts, PairConfig(), 9)
+    batch = generator.batch(4, "all_small")
+    batch = replace(batch, near=torch.tensor([1.0, 1.0, 0.0, 0.0]))
+    delta = batch.delta / 2
+    delta[1, 0] = delta[2, 4] = torch.nan
+    after = generator.advance(batch, delta)
+    assert after.observation.image.isfinite().all() and after.delta.isfinite().all()
+    assert torch.allclose(after.delta[1:3], batch.delta[1:3], atol=1e-3)
+    assert (after.delta[[0, 3]].norm(dim=1) < 0.7 * batch.delta[[0, 3]].norm(dim=1)).all()

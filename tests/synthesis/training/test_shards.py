@@ -8,6 +8,7 @@ from collections import Counter
 from dataclasses import replace
 from itertools import chain, islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +24,8 @@ from moveit6d.synthesis.training.shards import (
     shard_path,
     shard_stream,
     write_shard,
+    written_crop,
+    written_digest,
 )
 from moveit6d.synthesis.training.source import PairSource
 from tests.support.pairs import small_source
@@ -80,6 +83,43 @@ def test_what_is_read_is_what_was_drawn(source: PairSource, whole: Path) -> None
     assert torch.allclose(read.observation.depth, drawn.observation.depth, atol=3e-4)
     assert torch.equal(read.observation.mask, drawn.observation.mask)
     assert torch.equal(read.observation.distance, drawn.observation.distance)
+
+
+def test_a_folder_says_which_crops_its_pairs_show_and_what_they_were_drawn_from(
+    source: PairSource, whole: Path, tmp_path: Path
+) -> None:
+    assert written_crop(whole) == "look_at"
+    some = replace(source, pairs=replace(source.pairs, crop="axis_parallel"))
+    plan = ShardPlan(1, batches=1, batch_size=2)
+    writer = ShardWriter(some, plan, tmp_path)
+    writer.claim()
+    with pytest.raises(InputError, match="lacks 1 of its 1 shards"):
+        written_crop(tmp_path)
+    writer.write(0)
+    assert written_crop(tmp_path) == "axis_parallel"
+    assert written_digest(tmp_path) != written_digest(whole) == written_digest(whole)
+
+
+@pytest.mark.parametrize(("lasting", "kinds"), [(None, 2), (3, 1)])
+def test_lasting_shapes_are_in_every_shard(
+    source: PairSource,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    lasting: int | None,
+    kinds: int,
+) -> None:
+    found: set[bytes] = set()
+    original = PairSource.generator
+
+    def noted(self: PairSource, random: Any, photos: Any, meshes: Any, others: Any = None) -> Any:
+        found.add(meshes[0].vertices.tobytes())
+        return original(self, random, photos, meshes, others)
+
+    monkeypatch.setattr(PairSource, "generator", noted)
+    writer = ShardWriter(replace(source, lasting=lasting), ShardPlan(2, 1, 2), tmp_path)
+    for number in range(2):
+        writer.write(number)
+    assert len(found) == kinds
 
 
 def write_all(source: PairSource, folder: Path) -> None:

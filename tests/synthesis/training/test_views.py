@@ -2,11 +2,26 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
+from moveit6d.geometry.crop import Crop
+from moveit6d.synthesis.augmentation.config import (
+    AugmentConfig,
+    BlurConfig,
+    CastShadowConfig,
+    ClutterConfig,
+    DownsamplingConfig,
+    ImageBorderConfig,
+    JpegConfig,
+    NoiseConfig,
+    OcclusionConfig,
+)
+from moveit6d.synthesis.augmentation.lights import LightConfig
 from moveit6d.synthesis.training.pairs import PairConfig, PairGenerator
 from moveit6d.synthesis.training.views import ViewConfig
+from tests.support.meshes import l_shape
 from tests.support.pairs import objects, photos
 
 EXACT = ViewConfig(
@@ -50,3 +65,28 @@ def test_an_absent_object_is_invisible() -> None:
 def test_the_share_of_a_batch(share: float) -> None:
     count = ViewConfig(share=share).count(20)
     assert count == {0.0: 0, 0.3: 6, 1.0: 20}[share]
+
+
+@pytest.mark.parametrize("crop", ["look_at", "axis_parallel"])
+def test_the_object_is_cut_out_as_templates_show_it(crop: Crop) -> None:
+    """White objects in front of nothing have the outline of the template near the true view."""
+    none = AugmentConfig(
+        occlusion=OcclusionConfig(probability=0.0), clutter=ClutterConfig(probability=0.0),
+        cast_shadow=CastShadowConfig(probability=0.0), blur=BlurConfig(probability=0.0),
+        downsampling=DownsamplingConfig(probability=0.0), jpeg=JpegConfig(probability=0.0),
+        image_border=ImageBorderConfig(probability=0.0), noise=NoiseConfig((0.0, 0.0)),
+    )  # fmt: skip
+    config = PairConfig(
+        views=replace(EXACT, share=1.0), distance=(5.0, 5.0), crop=crop, augment=none,
+        lights=LightConfig(unlit_probability=1.0),
+    )  # fmt: skip
+    white, black = l_shape(), [np.zeros((150, 150, 3), np.uint8)]
+    white = replace(white, vertex_colors=np.full_like(white.vertex_colors, 255))
+    generator = PairGenerator([white], black, config, 0)
+    still = torch.zeros(16, 6, dtype=torch.float64)
+    views = generator.compose(torch.zeros(16, dtype=torch.long), still).views
+    assert views is not None
+    cut, template = views.image.amax(1) > 0.3, views.masks[:, 0, 0] > 0.5
+    shared, either = ((cut & template).flatten(1), (cut | template).flatten(1))
+    overlap = shared.sum(1) / either.sum(1)
+    assert overlap.mean() > 0.92

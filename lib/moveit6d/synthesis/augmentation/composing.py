@@ -8,6 +8,7 @@ which of them happen, how often and how strongly is said by `AugmentConfig`, `Ha
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import torch
@@ -15,6 +16,7 @@ from torch import Tensor
 
 from ...geometry.crop import PATCH_SIZE
 from ...rendering.renderer import GBuffer
+from ...typing import Range
 from ..imaging.layers import linear_layer, over, premultiplied, soft_edge, unpremultiplied
 from ..imaging.linear_light import to_linear
 from ..objects.object_set import ObjectSet
@@ -32,7 +34,7 @@ from .camera_effects import (
 from .config import AugmentConfig
 from .hands import HandConfig, Hands, HandSource
 from .lights import LightConfig, random_lighting
-from .occluder_bank import BankConfig, OccluderBank
+from .occluder_bank import BankConfig, OccluderBank, random_layers
 from .occlusion import (
     calibration_boards,
     cast_shadow,
@@ -59,25 +61,37 @@ class Composer:
     ) -> None:
         self.photos, self.augment, self.lights, self.rng = photos, augment, lights, rng
         self.bank: OccluderBank | None = None
+        self.other_objects: Callable[[int], Tensor] | None = None
         self.hands: Hands | None = None
 
-    def use_bank(
-        self, config: BankConfig, objects: ObjectSet, distance: tuple[float, float],
-        random: np.random.Generator,
-    ) -> None:  # fmt: skip
-        """Take occluders from a bank of these objects' patches; of size 0, from none."""
+    def use_occluders(
+        self, objects: ObjectSet, config: BankConfig, distance: Range, random: np.random.Generator
+    ) -> None:
+        """Take occluders from these objects, not from the batch: from a bank unless its size is 0.
+
+        `distance` is theirs in diameters.
+        """
+        lights, rng = self.lights, self.rng
         if config.size > 0:
-            self.bank = OccluderBank(objects, config, self.lights, distance, self.rng, random)
+            self.bank = OccluderBank(objects, config, lights, distance, rng, random)
+            self.other_objects = self.bank.draw
+        else:
+            self.other_objects = partial(
+                random_layers, objects=objects, distances=distance, lights=lights, rng=rng,
+                random=random,
+            )  # fmt: skip
 
     def use_hands(self, config: HandConfig, source: HandSource) -> None:
         """Put hands and cards in front as well."""
         self.hands = Hands(config, source, self.lights, self.rng)
 
-    def picture(self, observed: GBuffer, depth: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
+    def picture(
+        self, observed: GBuffer, depth: Tensor, distance: Tensor, index: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """Observed crops (B, 3, 128, 128), and 1 where nothing would occlude the object.
 
         `depth` (B, 1, 128, 128) is relative to the look-at view's centre and `distance` (B,) that
-        centre's, in diameters.
+        centre's, in diameters; `index` (B,) are the objects' numbers.
         """
         augment, rng, batch = self.augment, self.rng, len(distance)
         lit = random_lighting(
@@ -88,7 +102,7 @@ class Composer:
         layer = premultiplied(to_linear(lit, gamma), observed.mask)
         background = to_linear(self._photos(batch), gamma)
         background = random_gaussian_blur(background, augment.background_blur, rng)
-        background = self._cluttered(background, layer)
+        background = self._cluttered(background, layer, index)
         moving = random_object_motion(soft_edge(layer), augment.object_motion, rng)
         picture = over(background, self._camera_layer(moving))
         occluders = self._occluders(layer, gamma)
@@ -131,10 +145,10 @@ class Composer:
         image = colour_jitter(image, self.augment.colour, self.rng)
         return random_noise(image, self.augment.noise, self.rng)
 
-    def _cluttered(self, background: Tensor, layer: Tensor) -> Tensor:
+    def _cluttered(self, background: Tensor, layer: Tensor, index: Tensor) -> Tensor:
         """Photos (B, 3, N, N) with boards and other objects of the batch in a part of them."""
         augment, rng, batch = self.augment, self.rng, len(background)
-        background = background.clone()
+        background, index = background.clone(), index.to(background.device)
         with_board = rng.chosen(batch, augment.calibration_board.probability)
         if len(with_board):
             background[with_board] = over(
@@ -147,19 +161,25 @@ class Composer:
             same = rng.bernoulli(len(behind), clutter.same_object_probability) & (number == 0)
             other = torch.where(same, behind, rng.permutation(batch)[: len(behind)])
             placed = scatter(layer[other], rng.uniform(len(behind), between=(0.4, 1.1)), 1.0, rng)
-            background[behind] = over(background[behind], placed)
+            # The object once more only where that is meant: a batch may hold no other one.
+            shown = same | (index[other] != index[behind])
+            background[behind] = over(background[behind], placed * shown[:, None, None, None])
         return background
 
     def _occluders(self, layer: Tensor, gamma: Tensor) -> Callable[[Tensor], Tensor]:
         """A source of occluders in linear colours."""
-        bank = self.bank
-        if bank is None:
+        config, rng = self.augment.occlusion, self.rng
+        if self.other_objects is None:
             photos = to_linear(self._photos(len(layer)), gamma)
-            return occluder_source(layer, photos, self.augment.occlusion, self.rng)
-        bank.grow()
-        return lambda chosen: linear_layer(
-            self._camera_layer(bank.draw(len(chosen))), gamma[chosen]
-        )
+            return occluder_source(self._some_of(layer), self._some_of(photos), config, rng)
+        if self.bank is not None:
+            self.bank.grow()
+        draw = occluder_source(self.other_objects, self._photos, config, rng)
+        return lambda chosen: linear_layer(self._camera_layer(draw(chosen)), gamma[chosen])
+
+    def _some_of(self, batch: Tensor) -> Callable[[int], Tensor]:
+        """Draws some of a batch's layers or photos, none of them twice."""
+        return lambda count: batch[self.rng.permutation(len(batch))[:count]]
 
     def _photos(self, count: int) -> Tensor:
         return self.photos.squares(count, PATCH_SIZE, self.rng)

@@ -72,14 +72,11 @@ class OccluderBank:
         return functional.pad(self.patches[index].float() / 255, sides)
 
     def _render(self, count: int) -> Tensor:
-        rng, side = self.rng, self.patches.shape[-1]
-        index = self.objects.draw(self.random, count)
-        low, high = np.log(self.distance)
-        distance = torch.exp(rng.uniform(count, between=(low, high))).double()
-        ahead = functional.pad((distance * self.objects.diameters(index))[:, None], (2, 0))
-        poses = Pose(random_rotations(count, rng.generator), ahead)
-        layers = lit_layers(self.objects, index, poses, distance, self.lights, rng)
-        result = torch.zeros(count, 4, side, side, device=rng.device)
+        side = self.patches.shape[-1]
+        layers = random_layers(
+            count, self.objects, self.distance, self.lights, self.rng, self.random
+        )
+        result = torch.zeros(count, 4, side, side, device=self.rng.device)
         for number, layer in enumerate(layers):
             cut = self._cut(layer)
             top, left = (side - cut.shape[-2]) // 2, (side - cut.shape[-1]) // 2
@@ -94,6 +91,22 @@ class OccluderBank:
             int(self.rng.uniform(1).item() * (PATCH_SIZE - extent + 1)) for extent in (high, wide)
         )
         return resize(layer[None, :, top : top + high, left : left + wide], *small)[0]
+
+
+def random_layers(
+    count: int, objects: ObjectSet, distances: Range, lights: LightConfig, rng: RandomSource,
+    random: np.random.Generator,
+) -> Tensor:  # fmt: skip
+    """Shaded objects in random rotations, as `lit_layers`: (count, 4, 128, 128).
+
+    Their `distances` in diameters are log-uniform.
+    """
+    index = objects.draw(random, count)
+    low, high = np.log(distances)
+    distance = torch.exp(rng.uniform(count, between=(low, high))).double()
+    ahead = functional.pad((distance * objects.diameters(index))[:, None], (2, 0))
+    poses = Pose(random_rotations(count, rng.generator), ahead)
+    return lit_layers(objects, index, poses, distance, lights, rng)
 
 
 def lit_layers(

@@ -74,21 +74,23 @@ def cutout_masks(count: int, size: int, rng: RandomSource) -> Tensor:
 
 
 def occluder_source(
-    objects: Tensor, photos: Tensor, config: OcclusionConfig, rng: RandomSource
+    objects: Callable[[int], Tensor],
+    photos: Callable[[int], Tensor],
+    config: OcclusionConfig,
+    rng: RandomSource,
 ) -> Callable[[Tensor], Tensor]:
-    """A source of occluders: other objects of the batch, and cut-outs of photos.
+    """A source of occluders: objects, and cut-outs of photos.
 
-    `objects` (B, 4, N, N) are shaded objects (0 outside) with their mask, `photos` (B, 3, N, N).
-    The source takes the indices (n,) of the crops and returns layers (n, 4, N, N).
+    `objects` draws n new layers (n, 4, N, N), colour times alpha and alpha, and `photos` squares
+    (n, 3, N, N). The source takes the indices (n,) of the crops and returns layers (n, 4, N, N).
     """
 
     def draw(chosen: Tensor) -> Tensor:
-        count = len(chosen)
-        layers = objects[rng.permutation(len(objects))[:count]]
-        cut = rng.chosen(count, config.photo_probability)
-        mask = cutout_masks(len(cut), objects.shape[-1], rng)
-        colour = photos[rng.permutation(len(photos))[: len(cut)]]
-        layers[cut] = premultiplied(colour, mask)
+        layers = objects(len(chosen))
+        if config.photo_probability > 0:  # no number is drawn for nothing
+            cut = rng.chosen(len(chosen), config.photo_probability)
+            mask = cutout_masks(len(cut), layers.shape[-1], rng)
+            layers[cut] = premultiplied(photos(len(cut)), mask)
         return layers
 
     return draw

@@ -27,6 +27,9 @@ class ObjectSet(Protocol):
     def device(self) -> torch.device:
         """Where renderings lie."""
 
+    def __len__(self) -> int:
+        """How many different ones `draw` can give."""
+
     def draw(self, random: np.random.Generator, count: int) -> Tensor:
         """Numbers (count,) of random objects, on the CPU."""
 
@@ -47,6 +50,9 @@ class MeshObjects:
         self.meshes = meshes
         self.renderer = EmbreeRenderer()
         self.device = torch.device("cpu")
+
+    def __len__(self) -> int:
+        return len(self.meshes)
 
     def draw(self, random: np.random.Generator, count: int) -> Tensor:
         """Each mesh is as likely."""
@@ -78,6 +84,9 @@ class BankObjects:
         self.groups = [np.asarray(group) for group in groups]
         self.shares = np.asarray(shares) / np.sum(shares)
         self.device = self.bank.device
+
+    def __len__(self) -> int:
+        return sum(map(len, self.groups))
 
     def draw(self, random: np.random.Generator, count: int) -> Tensor:
         """A group by its share, then each of its objects as likely."""

@@ -7,6 +7,7 @@ little off in time and place; the pose of a frame is that of the middle of its e
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -37,6 +38,10 @@ from .sensor import Sensor, expose
 from .tabletop import TabletopObject, arrange_around
 
 GENERATOR = "moveit6d synthesize"
+WRITTEN = re.compile(
+    r"frames|frames/\d{6,}\.jpg|camera\.json|mesh\.glb|mesh\.symmetry\.json|start\.json|poses\.csv"
+    r"|info\.json"
+)
 BESIDE = 1  # stream of random numbers
 OCCLUDER = SceneMaterial(0.0, 0.1)  # skin, cloth and paper
 
@@ -67,12 +72,12 @@ def write_sequence(
 
     The mesh's declared symmetries, if any, go into mesh.symmetry.json. `photos` (H, W, 3) uint8
     become backgrounds and textures; without them procedural pictures do. Nothing appears under
-    `folder` before everything is written. An older sequence made here is replaced; any other folder
-    that holds something is refused with an `InputError`, and so is a camera with a lens,
+    `folder` before everything is written. An older sequence made here is replaced; a folder that
+    holds anything else is refused with an `InputError`, and so is a camera with a lens,
     which is not rendered. `on_frame` is called with the number of each finished frame.
     """
     folder = Path(folder)
-    _refuse_foreign(folder)
+    check_replaceable(folder)
     scene = Scene(mesh, seed, frames, difficulty, photos, camera)
     with replacing_folder(folder) as work:
         (work / "frames").mkdir()
@@ -248,9 +253,18 @@ def _row(number: int, name: str, one: SyntheticFrame) -> str:
     return ",".join(cells)
 
 
-def _refuse_foreign(folder: Path) -> None:
+def check_replaceable(folder: Path) -> None:
+    """`InputError` unless a folder is new, empty, or a sequence made here and nothing else."""
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return
     info = folder / "info.json"
     if not (info.is_file() and GENERATOR in info.read_text(encoding="utf-8", errors="replace")):
         raise InputError(f"{folder} exists and is not a sequence made here; give a new folder.")
+    inside = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*"))
+    foreign = [name for name in inside if not WRITTEN.fullmatch(name)]
+    if foreign:
+        more = f" and {len(foreign) - 4} more" if len(foreign) > 4 else ""
+        raise InputError(
+            f"{folder} holds {', '.join(foreign[:4])}{more} beside a sequence made here, which "
+            "would be removed with it; give a new folder."
+        )

@@ -23,7 +23,7 @@ from ...errors import InputError
 from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
-from ...io import replacing_folder, write_json
+from ...io import read_json, replacing_folder, write_json
 from ...typing import RGBImage
 from .difficulty import Difficulty, find_difficulty
 from .sequence import Scene, SyntheticFrame
@@ -169,11 +169,29 @@ def _new_dataset(root: Path, about: Mapping[str, Any]) -> Iterator[tuple[Path, _
         raise InputError(f"{root} is a file; a data set is a folder: give a new one.")
     if root.exists() and any(root.iterdir()) and not (root / SURROGATE).is_file():
         raise InputError(f"{root} exists and is not a data set made here; give a new folder.")
+    _check_foreign(root)
     log = _VisibilityLog()
     with replacing_folder(root) as work:
         yield work, log
-        write_json(work / SURROGATE, {**about, "visible_fraction": log.means()})
+        holds = sorted([SURROGATE, VISIBLE, *(path.name for path in work.iterdir())])
+        write_json(work / SURROGATE, {**about, "visible_fraction": log.means(), "holds": holds})
         with (work / VISIBLE).open("w", encoding="utf-8", newline="") as file:
             table = csv.writer(file, lineterminator="\n")
             table.writerow(COLUMNS)
             table.writerows((title, frame, f"{seen:.4f}") for title, frame, seen in log.rows)
+
+
+def _check_foreign(root: Path) -> None:
+    """`InputError` where an earlier data set, which would be replaced, says that something is new.
+
+    One that does not say what it holds was made by an earlier version.
+    """
+    if not (root / SURROGATE).is_file():
+        return
+    known = read_json(root / SURROGATE).get("holds")
+    foreign = sorted({path.name for path in root.iterdir()} - set(known or ()))
+    if known is not None and foreign:
+        raise InputError(
+            f"{root} holds {', '.join(foreign[:4])} beside a data set made here, which would be "
+            "removed with it; give a new folder."
+        )

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...config.ranges import check_range
 from ...errors import InputError
 from ...typing import Range
 
@@ -51,6 +52,11 @@ class ClusterConfig:
     near_xy: Range = (0.0, 1.5)
     near_z: Range = (0.0, 3.0)
     near_rotation: Range = (0.0, 4.0)
+
+    def __post_init__(self) -> None:
+        check_range(self, "0 or more and finite", *CLUSTERS)
+        if not any(self.shares()):
+            raise InputError("ClusterConfig: one share at least must be above 0, found none.")
 
     def shares(self) -> tuple[float, ...]:
         """Shares in the order of `CLUSTERS`."""

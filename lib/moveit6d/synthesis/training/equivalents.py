@@ -24,8 +24,8 @@ def nearest_delta(
     """Pose deltas (B, 6) from centred poses (B) to the nearest equivalents of their goals.
 
     `symmetries` are each object's motions (S, 4, 4) of its centred frame, the identity first; the
-    choice is the shortest pose delta, as in `actions.expert_difference`. `sphere_diameter`
-    (B,) in metres.
+    choice is the shortest pose delta, as in `actions.expert_delta`. `sphere_diameter` (B,)
+    in metres.
     """
     delta = pose_delta(start, goal, sphere_diameter, crop)
     several = [number for number, motions in enumerate(symmetries) if len(motions) > 1]

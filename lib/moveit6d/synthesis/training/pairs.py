@@ -54,7 +54,7 @@ class ZoomConfig:
 
 @dataclass(frozen=True)
 class FarRotationConfig:
-    """Pairs with a rotation far beyond the clusters, from which only the confidence learns.
+    """Pairs with a rotation far beyond the clusters: they teach no pose delta (`TrainingBatch`).
 
     Args:
         probability: of such a rotation.
@@ -118,8 +118,9 @@ class TrainingBatch:
     are in diameters divided by that), `rotation` (B, 3, 3) the start's in its view and `direction`
     (B, 2) x / z and y / z of its centre there, 0 in a look-at view. `present` (B,) is 1 where the
     picture shows the object at all, `near` (B,) where it does and the truth is within
-    `PairConfig.max_delta`: from larger deltas only the confidence learns. `views` are templates
-    for the descriptors, if any were drawn.
+    `PairConfig.max_delta`. The others teach no pose delta: far ones the dense predictions and the
+    confidence, absent ones visibility, weight and the confidence. `views` are templates for the
+    descriptors, if any were drawn.
     """
 
     observation: Observation
@@ -178,7 +179,7 @@ class PairGenerator:
         config: PairConfig, seed: int, occluders: list[Mesh] | ObjectSet | None = None,
         hands: HandSource | None = None,
     ) -> None:  # fmt: skip
-        """`occluders` fill the bank, if there is one; None: the objects themselves."""
+        """`occluders` are put in front, from a bank if there is one; None: the objects."""
         self.objects = objects = _objects(objects)
         self.config, self.device = config, objects.device
         self.random = np.random.default_rng(seed)
@@ -187,8 +188,9 @@ class PairGenerator:
         self.rng = RandomSource(self.generator)
         pictures = photos if isinstance(photos, PhotoBank) else PhotoBank(photos, self.device)
         self.composer = Composer(pictures, config.augment, config.lights, self.rng)
-        others = objects if occluders is None else _objects(occluders)
-        self.composer.use_bank(config.bank, others, config.distance, self.random)
+        if occluders is not None or config.bank.size > 0:
+            others = objects if occluders is None else _objects(occluders)
+            self.composer.use_occluders(others, config.bank, config.distance, self.random)
         if config.hands.probability > 0:
             if hands is None:
                 assert not isinstance(photos, PhotoBank), (
@@ -216,11 +218,11 @@ class PairGenerator:
         truth = PoseAction.from_delta(delta.to(device)).apply_centred(start, diameter, crop)
         symmetries = self._symmetries(index)
         delta = nearest_delta(symmetries, start, truth, diameter, crop)
-        intrinsics = view_of(start, diameter, crop).intrinsics
-        rendered = self.objects.render(index, start, intrinsics)
-        observed, present = self._observed(index, truth, intrinsics)
+        view = view_of(start, diameter, crop)
+        rendered = self.objects.render(index, start, view.intrinsics)
+        observed, present = self._observed(index, truth, view.intrinsics)
         true_depth = _relative(observed, distance, diameter)
-        picture, clear = self.composer.picture(observed, true_depth, distance.float())
+        picture, clear = self.composer.picture(observed, true_depth, distance.float(), index)
         pairs = self._pairs(
             picture, clear, rendered, observed.mask, true_depth, distance, diameter,
             mesh=index, zoom=zoom, rotation=rotation, direction=direction, delta=delta,
@@ -228,7 +230,7 @@ class PairGenerator:
         )  # fmt: skip
         if not self.config.views.share:
             return pairs
-        views = draw_views(pairs, start, truth, diameter, self.objects, self.config.views,
+        views = draw_views(pairs, view, truth, diameter, self.objects, self.config.views,
                            self.rng, self._rendering)  # fmt: skip
         return replace(pairs, views=views)
 
@@ -312,14 +314,17 @@ class PairGenerator:
         present = torch.from_numpy(~absent).float().to(self.device)
         if not absent.any():
             return self.objects.render(index, truth, intrinsics), present
-        # Half of the absent ones are replaced by another object of their size, the rest by nothing.
-        other = np.where(absent, self.objects.draw(self.random, batch).numpy(), index.numpy())
-        shown = torch.from_numpy(other)
+        # Half of the absent ones are replaced by another object of their size, the rest by nothing;
+        # all of them by nothing where there is no other object.
+        other = self.objects.draw(self.random, batch).numpy()
+        while (same := absent & (other == index.numpy())).any() and len(self.objects) > 1:
+            other[same] = self.objects.draw(self.random, int(same.sum())).numpy()
+        shown = torch.from_numpy(np.where(absent, other, index.numpy()))
         size = self.objects.diameters(shown) / self.objects.diameters(index)
         placed = Pose(truth.rotation, truth.translation * size[:, None])
         seen = self.objects.render(shown, placed, intrinsics)
-        empty = torch.from_numpy(absent & (self.random.random(batch) < 0.5)).to(self.device)
-        kept = (~empty).float()[:, None, None, None]
+        empty = same | (absent & (self.random.random(batch) < 0.5))
+        kept = torch.from_numpy(~empty).float().to(self.device)[:, None, None, None]
         depth = seen.depth / size.float()[:, None, None, None] * kept
         return GBuffer(seen.albedo * kept, seen.normal * kept, depth, seen.mask * kept), present
 
@@ -349,15 +354,15 @@ class PairGenerator:
     def _accepted(
         self, delta: Tensor, start: Pose, truth: Pose, diameter: Tensor, near: Tensor
     ) -> Tensor:
-        """The deltas (B, 6), clamped; zero where they would lose the object."""
+        """The deltas (B, 6), clamped; zero where not finite or where they would lose the object."""
         largest = torch.tensor(self.config.max_delta, dtype=torch.float64, device=delta.device)
         delta = delta.clamp(-largest, largest)
         crop = self.config.crop
         updated = PoseAction.from_delta(delta).apply_centred(start, diameter, crop)
         left = pose_delta(updated, truth, diameter, crop)
         keep = (self._within(left) | (near < 0.5)) & (left[:, :3].abs() <= largest[:3]).all(-1)
-        keep = keep & (updated.translation[:, 2] > 1.5 * diameter)
-        return delta * keep[:, None]
+        keep = keep & (updated.translation[:, 2] > 1.5 * diameter) & delta.isfinite().all(-1)
+        return torch.where(keep[:, None], delta, 0.0)  # a product with 0 would keep a NaN
 
     def _rendering(self, rendered: GBuffer) -> Tensor:
         """The start's rendering (B, 3, 128, 128) with errors of its colours."""

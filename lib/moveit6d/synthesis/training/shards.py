@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,8 +22,9 @@ from torch import Tensor
 
 from ...checks import entry, whole
 from ...errors import InputError
+from ...geometry.crop import Crop
 from ...geometry.mesh import Mesh
-from ...io import read_json, replacing, write_json
+from ...io import file_digest, read_json, replacing, write_json
 from ...observation import Observation
 from ..imaging.sensor import to_bytes
 from .pairs import PairConfig, TrainingBatch
@@ -99,9 +101,7 @@ class ShardWriter:
         torch.set_num_threads(1)  # sums in another order are other numbers
         photos, fixed, occluders = self._things()
         random = np.random.default_rng([self.plan.seed, number])
-        meshes = fixed + [
-            self.source.shape(random, photos, fixed) for _ in range(self.source.shapes)
-        ]
+        meshes = fixed + self.source.make_shapes(random, photos, fixed)
         generator = self.source.generator(random, photos, meshes, occluders)
         packed = [_packed(generator.batch(self.plan.batch_size)) for _ in range(self.plan.batches)]
         tensors = {
@@ -163,15 +163,34 @@ def open_shards(folder: Path) -> tuple[ShardPlan, list[Path]]:
     return plan, paths
 
 
+def written_digest(folder: Path) -> str:
+    """A fingerprint of the pairs in a folder: of what they were drawn from, and how many."""
+    open_shards(folder)
+    return file_digest(Path(folder) / MANIFEST)
+
+
+def written_crop(folder: Path) -> Crop:
+    """The crops that the pairs in a folder show: in a look-at crop objects lie in one direction."""
+    path = open_shards(folder)[1][0]
+    with _reading(path), safe_open(path, "pt") as file:
+        direction: Tensor = file.get_tensor("direction")
+    return "axis_parallel" if direction.any() else "look_at"
+
+
 def read_shard(path: Path, batch_size: int) -> Iterator[TrainingBatch]:
     """The pairs of a shard in batches; only one is in memory at a time."""
+    with _reading(path), safe_open(path, "pt") as file:
+        slices = {name: file.get_slice(name) for name in file.keys()}  # noqa: SIM118
+        count = slices["delta"].get_shape()[0]
+        for start in range(0, count - batch_size + 1, batch_size):
+            end = start + batch_size
+            yield _unpacked({name: part[start:end] for name, part in slices.items()})
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
     try:
-        with safe_open(path, "pt") as file:
-            slices = {name: file.get_slice(name) for name in file.keys()}  # noqa: SIM118
-            count = slices["delta"].get_shape()[0]
-            for start in range(0, count - batch_size + 1, batch_size):
-                end = start + batch_size
-                yield _unpacked({name: part[start:end] for name, part in slices.items()})
+        yield
     except (SafetensorError, KeyError, OSError) as error:
         raise InputError(f"{path} is damaged ({error}); delete it and write it again.") from error
 

@@ -11,15 +11,16 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from ...errors import InputError
 from ...geometry.mesh import Mesh
 from ...geometry.mesh_files import SUFFIXES
+from ...geometry.mesh_files.digest import mesh_digest
 from ..augmentation.backgrounds import procedural_photo
-from ..augmentation.photos import load_photos
+from ..augmentation.photos import PHOTO_SUFFIXES, load_photos
 from ..objects.shapes import random_object
 from ..objects.slender import slender_copy
 from ..objects.symmetric_shapes import symmetric_object
@@ -36,7 +37,8 @@ class PairSource:
     `symmetric` is the share of procedural shapes that declare symmetries, `untextured` that of
     copies of the meshes without their texture, `slender` that of slender copies of the meshes and
     of other shapes, half each; `occluders` are meshes for the occluder bank, where it is not filled
-    with the same ones.
+    with the same ones. `lasting` is the seed of procedural shapes that stay the same whoever draws
+    pairs of them; None: everybody makes new ones.
     """
 
     meshes: tuple[Path, ...]
@@ -49,6 +51,7 @@ class PairSource:
     occluders: tuple[Path, ...] = ()
     untextured: float = 0.0
     slender: float = 0.0
+    lasting: int | None = None
 
     def load_photos(self, random: np.random.Generator) -> list[np.ndarray]:
         """The photographs of the folder, or generated pictures."""
@@ -83,6 +86,16 @@ class PairSource:
             return untextured_copy(random, meshes[int(random.integers(len(meshes)))])
         return random_object(random, photos)
 
+    def make_shapes(
+        self, random: np.random.Generator, photos: Sequence[np.ndarray], meshes: Sequence[Mesh] = ()
+    ) -> list[Mesh]:
+        """All the procedural shapes: from `random`, or those that last."""
+        if self.lasting is not None and self.shapes:
+            random = np.random.default_rng(self.lasting)
+            if self.photos is None:  # generated ones are not everybody's
+                photos = self.load_photos(random)
+        return [self.shape(random, photos, meshes) for _ in range(self.shapes)]
+
     def generator(
         self, random: np.random.Generator, photos: list[np.ndarray], meshes: list[Mesh],
         occluders: list[Mesh] | None = None,
@@ -91,17 +104,30 @@ class PairSource:
         seed = int(random.integers(2**62))
         return PairGenerator(meshes, photos, self.pairs, seed, occluders)
 
-    def digest(self) -> str:
-        """A fingerprint that is the same wherever the same files lie under other folders."""
-        files = [(path.name, path.stat().st_size) for path in (*self.meshes, *self.occluders)]
-        photos = sorted(path.name for path in Path(self.photos).iterdir()) if self.photos else []
-        facts = {
-            "files": files, "unit": self.mesh_unit, "photos": photos, "limit": self.photo_limit,
-            "shapes": self.shapes, "symmetric": self.symmetric,
-            "untextured": self.untextured, "slender": self.slender,
-            "pairs": dataclasses.asdict(self.pairs),
+    def facts(self) -> dict[str, Any]:
+        """What pairs depend on, by name: the same wherever the same files lie."""
+        facts = {item.name: getattr(self, item.name) for item in dataclasses.fields(self)}
+        for name in ("meshes", "occluders"):
+            facts[name] = _digest([(path.name, mesh_digest(path)) for path in facts[name]])
+        return {
+            **facts, "photos": _digest(self._photo_sizes()), "pairs": dataclasses.asdict(self.pairs)
         }  # fmt: skip
-        return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+    def digest(self) -> str:
+        """A fingerprint of the facts."""
+        return _digest(self.facts())
+
+    def _photo_sizes(self) -> list[tuple[str, int]]:
+        if self.photos is None:
+            return []
+        if not self.photos.is_dir():
+            raise InputError(f"Photo folder {self.photos} does not exist.")
+        paths = sorted(self.photos.iterdir())
+        return [(p.name, p.stat().st_size) for p in paths if p.suffix.lower() in PHOTO_SUFFIXES]
+
+
+def _digest(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
 def mesh_files(folder: Path) -> list[Path]:

@@ -81,13 +81,16 @@ class ViewBatch:
 
 
 def draw_views(
-    pairs: TrainingBatch, start: Pose, truth: Pose, diameter: Tensor, objects: ObjectSet,
+    pairs: TrainingBatch, old: View, truth: Pose, diameter: Tensor, objects: ObjectSet,
     config: ViewConfig, rng: RandomSource, rendering: Callable[[GBuffer], Tensor],
 ) -> ViewBatch:  # fmt: skip
-    """Views of the first pairs of a batch; an absent object has visible share 0."""
+    """Views of the first pairs of a batch, whose crops show the `old` view of the start.
+
+    An absent object has visible share 0.
+    """
     count = config.count(len(pairs.mesh))
-    start, truth, diameter, index = (
-        start[:count],
+    old, truth, diameter, index = (
+        old[:count],
         truth[:count],
         diameter[:count],
         pairs.mesh[:count],
@@ -97,7 +100,7 @@ def draw_views(
     centre = PoseAction.from_delta(torch.cat([off, torch.zeros_like(off)], 1)).apply_centred(
         truth, diameter
     )
-    view, old = look_at(centre, diameter), look_at(start, diameter)
+    view = look_at(centre, diameter)
     # From the start's crop to the one around the truth: both cameras are in one place.
     between = View(view.rotation @ old.rotation.mT, view.intrinsics, view.distance)
     layers = torch.cat([pairs.observation.image, pairs.visible, pairs.true_mask], 1)[:count]
