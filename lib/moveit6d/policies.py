@@ -168,6 +168,10 @@ class OraclePolicy:
     def __init__(
         self, truth: Pose, mode: ActionMode = ActionMode.SINGLE, crop: Crop = "look_at"
     ) -> None:
+        if len(truth.translation.shape) != 2:
+            raise InputError(
+                "OraclePolicy: truth must be a batch of poses, one a target: Pose.stack([pose])."
+            )
         self.truth, self.mode, self.crop = truth.to(torch.float64), mode, crop
 
     def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:

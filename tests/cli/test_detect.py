@@ -16,6 +16,7 @@ from PIL import Image
 from moveit6d.cli.main import main
 from moveit6d.datasets.pose_files import read_poses, write_camera
 from moveit6d.geometry.pose import Pose
+from tests.support.settings_read import UNWRITTEN, offered, recorded
 
 Detect = Callable[..., int]
 
@@ -58,6 +59,43 @@ def test_one_image_gives_a_start(detect: Detect, folder: Path, scene: Any, capsy
     assert overlay.shape == (120, 160, 3) and (overlay != scene.image(0)).any()
     facts = json.loads((out / "detection.json").read_text(encoding="utf-8"))
     assert facts["images"][0]["poses"][0]["accepted"] and facts["weights_sha256"]
+
+
+def test_every_instance_gives_a_start(
+    detect: Detect, folder: Path, scene: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from moveit6d.cli import detect_images
+
+    poses = tuple((scene.pose(frame), 0.9, 3) for frame in (0, 6))
+    answers = iter(
+        [detect_images._Answer(poses, 0.9, 1.0, {}), detect_images._Answer((), facts={})]
+    )
+    monkeypatch.setattr(detect_images, "_answered", lambda *_: next(answers))
+    assert detect(["b.png"], "--instances", "2") == 0
+    for name, frame in (("pose.json", 0), ("pose_2.json", 6)):
+        assert near(Pose.load(folder / "out" / name), scene.pose(frame))
+    assert detect(["b.png"], "--instances", "2") == 3
+    assert not [*(folder / "out").glob("pose*.json")], "they are those of another run"
+
+
+def test_an_edited_camera_is_another_one(
+    detect: Detect, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    from moveit6d.cli import detect_images
+
+    def answer(*asked: Any) -> Any:
+        if asked[1].index:
+            raise KeyboardInterrupt
+        return detect_images._Answer((), facts={})
+
+    monkeypatch.setattr(detect_images, "_answered", answer)
+    assert detect(["b.png", "none.png"]) == 130
+    text = (folder / "camera.json").read_text()
+    (folder / "camera.json").write_text(text.replace('"fx": 1', '"fx": 2'))
+    assert detect(["b.png", "none.png"], "--resume") == 2
+    assert "belongs to a run with another camera;" in capsys.readouterr().err
+    (folder / "camera.json").write_text(text)
+    assert detect(["b.png", "none.png"], "--resume") == 130
 
 
 def test_images_keep_their_order_and_absent_ones_a_row(
@@ -162,9 +200,9 @@ def test_a_failed_run_leaves_an_earlier_one_as_it_was(
     assert "cut.png is not a readable image" in said[0] and "small.png is 80×60" in said[1]
     assert "fx 90, fy 91, cx 38.75, cy 30.25" in said[1] and len(said) == 2
     assert {path.name for path in out.iterdir()} == set(names)
-    assert detect(["b.png"], "--box", "0", "0", "1", "1") == 2, "found out after the journal"
+    assert detect(["b.png"], "--box", "0", "0", "1", "1") == 2, "found out late"
     left = {path.name: path.read_text() for path in out.iterdir()}
-    assert left == dict.fromkeys(names[:-1], "earlier")
+    assert left == dict.fromkeys(names, "earlier")
 
 
 def test_the_first_answer_takes_the_place_of_an_earlier_run(
@@ -174,8 +212,10 @@ def test_the_first_answer_takes_the_place_of_an_earlier_run(
 
     (folder / "out").mkdir()
     of_a_track = ("summary.json", "overlay.mp4")
-    for name in ("poses.csv", "pose.json", "overlay.png", "detection.json", *of_a_track):
+    for name in ("poses.csv", "pose.json", "overlay.png", *of_a_track):
         (folder / "out" / name).write_text("earlier")
+    own = {"files": ["poses.csv", "pose.json", "overlay.png", "detection.json"]}
+    (folder / "out" / "detection.json").write_text(json.dumps(own))
 
     def answer(*_: Any) -> Any:
         return detect_images._Answer((), facts={})
@@ -184,7 +224,14 @@ def test_the_first_answer_takes_the_place_of_an_earlier_run(
     assert detect(["b.png", "none.png"]) == 3
     left = {path.name for path in (folder / "out").iterdir()}
     assert left == {"poses.csv", "overlay", "detection.json"}
-    assert [row.state for row in read_poses(folder / "out" / "poses.csv")] == ["lost", "lost"]
+    facts = json.loads((folder / "out" / "detection.json").read_text(encoding="utf-8"))
+    pictures = ["overlay/b.png.png", "overlay/none.png.png"]
+    assert facts["files"] == ["poses.csv", "detection.json", *pictures]
+    (folder / "out" / "pose.json").write_text("a start that somebody put here")
+    for images in (["b.png", "none.png"], ["none.png"]):
+        assert detect(images) == 3
+        assert (folder / "out" / "pose.json").read_text() == "a start that somebody put here"
+    assert [row.state for row in read_poses(folder / "out" / "poses.csv")] == ["lost"]
 
 
 def test_a_folder_of_images_and_a_start_in_millimetres_are_named(
@@ -218,6 +265,46 @@ def test_what_cannot_be_used_is_refused(
 ) -> None:
     assert detect(["b.png"], *more) == 2
     assert words in capsys.readouterr().err
+
+
+def test_its_options_are_the_settings_that_it_reads(
+    detect: Detect, folder: Path, scene: Any
+) -> None:
+    scene.pose(0).save(folder / "start.json")
+    with recorded() as read:
+        # Templates that are not known from another test.
+        new = ["--detection.templates.rotations", "300", "--detection.templates.channels", "31"]
+        assert detect(["b.png", "none.png"], "--distance", "0.3", "0.8", *new) == 0
+        assert detect(["b.png"], "--start", str(folder / "start.json")) == 0
+        assert detect(["b.png"], "--box", "30", "20", "100", "80") in (0, 3)
+    assert read - UNWRITTEN == offered("detect")
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--sizes", "0.9", "--seeds.spacing", "1"], "--sizes, --seeds.spacing is for --method se"),
+        (["--max_iterations", "1"], "--loop.max_iterations changes nothing without --method seeds"),
+        (["--method", "seeds", "--no_contour"], "--contour.enabled changes nothing with --method"),
+    ],
+)
+def test_options_of_another_method_are_refused(
+    detect: Detect, more: list[str], words: str, capsys: Any
+) -> None:
+    assert detect(["b.png"], *more) == 2
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--low_confidence", "--no_recovery", "--no_multi_start"])
+def test_options_that_change_nothing_do_not_exist(detect: Detect, option: str, capsys: Any) -> None:
+    with pytest.raises(SystemExit):
+        detect(["b.png"], option, "0")
+    assert f"there is no option {option}" in capsys.readouterr().err
+
+
+def test_a_file_of_settings_may_hold_those_of_tracks(detect: Detect, folder: Path) -> None:
+    (folder / "s.yaml").write_text("low_confidence: 0.4\nmotion: {enabled: false}\n")
+    assert detect(["b.png"], "--config", str(folder / "s.yaml")) == 0
 
 
 def test_missing_options_are_named(tmp_path: Path, capsys: Any) -> None:

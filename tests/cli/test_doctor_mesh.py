@@ -39,6 +39,23 @@ def test_a_textured_file_is_described_and_drawn(tmp_path: Path, capsys: Any) -> 
         assert min(np.abs(color - one).max() for one in known) < 20
 
 
+def test_where_the_origin_lies_is_said_in_both_units(tmp_path: Path, capsys: Any) -> None:
+    import trimesh
+
+    box = trimesh.creation.box((18.9, 25.8, 7.5))
+    box.apply_translation((9.45, 12.9, 0.0))
+    box.export(tmp_path / "box.stl")
+    words = ["doctor", "--mesh", str(tmp_path / "box.stl"), "--output", str(tmp_path / "a.png")]
+    assert main([*words, "--mesh_unit", "cm"]) == 0
+    said = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert "x 0 to 18.9 cm (0 to 0.189 m)" in said
+    assert "z -3.75 to 3.75 cm (-0.0375 to 0.0375 m)" in said
+    textured_glb().write(tmp_path / "box.glb")
+    assert main(["doctor", "--mesh", str(tmp_path / "box.glb"), *words[3:]]) == 0
+    said = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert "x -0.05 to 0.05 m" in said
+
+
 @pytest.mark.parametrize("unit", ["mm", None])
 def test_lost_looks_are_said_with_the_exit_code(
     tmp_path: Path, capsys: Any, unit: str | None

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from moveit6d.cli.earlier import clear_earlier
+from moveit6d.cli.earlier import clear_detection, clear_earlier, holds_results
 
 
 def earlier(folder: Path, **arguments: object) -> None:
@@ -63,6 +63,43 @@ def test_a_foreign_summary_harms_nothing(tmp_path: Path, summary: str) -> None:
     (tmp_path / "report.html").write_text("mine")
     clear_earlier(tmp_path, [])
     assert (tmp_path / "report.html").exists()
+
+
+def test_what_an_interrupted_track_could_go_on_with_goes_too(tmp_path: Path) -> None:
+    (tmp_path / "poses.csv.unfinished").write_text("{}")
+    clear_earlier(tmp_path, [])
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "ours"),
+    [
+        ("summary.json", '{"arguments": {}}', True),
+        ("detection.json", '{"arguments": {}}', True),
+        ("poses.csv.unfinished", "{}", True),
+        ("summary.json", "{}", False),
+        ("detection.json", "[]", False),
+        ("poses.csv", "frame", False),
+    ],
+)
+def test_results_are_known_by_what_vouches_for_them(
+    tmp_path: Path, name: str, content: str, ours: bool
+) -> None:
+    (tmp_path / name).write_text(content)
+    assert holds_results(tmp_path) == ours
+
+
+def test_of_a_detection_the_files_go_that_it_names(tmp_path: Path) -> None:
+    (tmp_path / "overlay").mkdir()
+    gone = ["poses.csv", "detection.json", "pose.json", "pose_2.json", "overlay/a.png.png"]
+    for name in (*gone, "pose_3.json", "overlay/b.png", "camera.json"):
+        (tmp_path / name).write_text("earlier")
+    facts = {"files": [*gone, "camera.json", "../overlay.png", "pose_4.json", 3]}
+    (tmp_path / "detection.json").write_text(json.dumps(facts))
+    clear_detection(tmp_path)
+    left = {path.name for path in tmp_path.rglob("*")}
+    assert left == {"overlay", "pose_3.json", "b.png", "camera.json"}
+    clear_detection(tmp_path)
 
 
 def test_an_empty_folder_says_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -173,9 +173,11 @@ def test_a_killed_track_goes_on_with_what_it_was_begun_with(
     assert [row.frame for row in read_poses(out / "poses.csv")] == [*range(6)]
     assert (out / "poses.csv").read_bytes().startswith(rows)
     assert {path.name for path in out.iterdir()} == {"poses.csv", "summary.json"}
-    assert forks.run(*track, oracle=oracle, kill=(update, 1))[0] == -9
-    code, said = forks.run(*track, "--resume", oracle=oracle)
-    assert code == 2 and "nothing says which arguments and settings" in sentence(said)
+    whole = {path: path.read_bytes() for path in out.iterdir()}
+    assert forks.run(*track, "--no_contour", oracle=oracle, kill=(update, 1))[0] == -9
+    assert {path: path.read_bytes() for path in out.iterdir()} == whole, "it had no frame"
+    code, said = forks.run(*track, "--no_contour", "--resume", "--mode", "single", oracle=oracle)
+    assert code == 2 and "a track with another --loop.mode;" in sentence(said)
 
 
 def test_a_full_disk_keeps_what_was_refined(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ import torch
 from moveit6d.cli.main import main
 from moveit6d.datasets.bop import Estimate, Instance, write_results
 from moveit6d.datasets.bop_writer import BopImage, write_bop
+from moveit6d.datasets.pose_files import POSE_COLUMNS, PoseRow, read_poses, write_poses
 from moveit6d.evaluation.ycbv.keyframes import Keyframes, write_keyframe_poses
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
@@ -107,6 +110,65 @@ def test_keyframe_poses_of_one_method(tmp_path: Path, capsys: Any) -> None:
     assert "has no object cup" in capsys.readouterr().err
     assert main([*command, "--methods", "c"]) == 2
     assert "holds no estimates c; there are a, b" in capsys.readouterr().err
+
+
+def test_a_track_of_two_objects_is_scored(
+    make_sequence: Any, scene: Any, use_oracle: Any, tmp_path: Path, capsys: Any
+) -> None:
+    made = make_sequence("two", frames=4, still=True)
+    folder, pose = made.folder, scene.pose(0)
+    rows = read_poses(folder / "poses.csv")
+    both = [replace(row, object=name) for row in rows for name in ("cup", "plate")]
+    write_poses(folder / "poses.csv", both, ("frame", "image", "object", *POSE_COLUMNS))
+    use_oracle(scene.mesh, pose, targets=2)
+    command = ["track", "--video", str(folder / "frames"), "--camera", str(folder / "camera.json")]
+    for name in ("cup", "plate"):
+        (folder / f"{name}.ply").write_bytes((folder / "mesh.ply").read_bytes())
+        command += ["--mesh", str(folder / f"{name}.ply"), "--start", str(folder / "start.json")]
+    output = tmp_path / "out"
+    assert main([*command, "--mesh_unit", "m", "--output", str(output)]) == 0
+    capsys.readouterr()
+    scoring = ["evaluate", "tracking", "--sequences", str(folder), "--results"]
+    for results in (output, output / "poses.csv"):
+        assert main([*scoring, str(results)]) == 0
+        rows = cells(capsys.readouterr().out)
+        assert [row[0] for row in rows] == ["level", "two.cup", "two.plate", "all"]
+        assert [row[2] for row in rows[1:]] == ["100.0 %"] * 3
+
+
+def test_a_track_of_the_later_frames_is_scored_from_there(
+    make_sequence: Any, tmp_path: Path, capsys: Any
+) -> None:
+    made = make_sequence("clip", frames=8)
+    rows = [
+        PoseRow(k, f"{k + 3:06d}.png", pose, confidence=0.9)
+        for k, pose in enumerate(made.poses[3:])
+    ]
+    write_poses(tmp_path / "out" / "poses.csv", rows)
+    command = ["evaluate", "tracking", "--sequences", str(made.folder), "--results"]
+    assert main([*command, str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr()
+    assert cells(printed.out)[1][2:4] == ["100.0 %", "100.0 %"]
+    assert "clip: its track begins with frame 3; the frames before are not scored" in printed.err
+
+
+def test_targets_are_looked_for_in_the_working_folder_too(
+    brick: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    camera, picture = Camera(180.0, 182.0, 78.0, 61.0, 160, 120), np.zeros((120, 160, 3), np.uint8)
+    images = [BopImage(1, k, picture, camera, [Instance(3, at(0.6))], None) for k in (4, 5)]
+    root = write_bop(tmp_path / "tiny", "test", {3: brick}, images)
+    write_results(tmp_path / "right.csv", [Estimate(1, 4, 3, 1.0, at(0.6), 0.5)])
+    target = {"scene_id": 1, "im_id": 4, "obj_id": 3, "inst_count": 1}
+    (tmp_path / "my.json").write_text(json.dumps([target]))
+    monkeypatch.chdir(tmp_path)
+    command = ["evaluate", "bop", "--dataset", str(root), "--split", "test", "--errors", "bop19"]
+    command += ["--results", "right.csv"]
+    found = []
+    for more in ([], ["--targets", "my.json"], ["--targets", "test_targets_bop19.json"]):
+        assert main([*command, *more]) == 0
+        found.append(cells(capsys.readouterr().out)[1][1])
+    assert found == ["2", "1", "2"]
 
 
 def test_the_folder_of_a_track_is_scored(sequences: Path, tmp_path: Path, capsys: Any) -> None:

@@ -21,10 +21,25 @@ FLAGS = {"allow_untextured": False, "texture_from_start": False}
 UNKNOWN = dict.fromkeys(("box", "mask", "points", "distance"))
 
 
-def test_names_are_file_names_and_numbered_where_they_are_the_same() -> None:
-    assert object_names([Path("a/cup.ply")]) == [""]
-    paths = [Path("cup.ply"), Path("can.ply"), Path("other/cup.glb")]
-    assert object_names(paths) == ["cup_1", "can", "cup_2"]
+@pytest.mark.parametrize(
+    ("paths", "names"),
+    [
+        (["a/cup.ply"], [""]),
+        (["a/cup.ply", "can.ply"], ["cup", "can"]),
+        (["cup.ply", "can.ply", "./cup.ply"], ["cup_1", "can", "cup_2"]),
+        (["x/cup.glb", "y/cup.glb", "cup_1.glb"], ["x", "y", "cup_1"]),
+        (["tool/textured_simple.obj", "can/textured_simple.obj"], ["tool", "can"]),
+        (["x/cup.glb", "y/cup.glb", "x/cup.glb"], ["x_1", "y", "x_2"]),
+        (["x/cup.glb", "y/cup.glb", "x.glb"], ["x_cup", "y_cup", "x"]),
+        (["x/a.glb", "y/a.glb", "x/b.glb", "y/b.glb"], ["x_a", "y_a", "x_b", "y_b"]),
+        (["x/cup.ply", "x/cup.glb"], ["x_cup_1", "x_cup_2"]),
+        (["cup.glb", "cup.glb", "cup_1.glb"], ["cup_2", "cup_3", "cup_1"]),
+    ],
+)
+def test_names_are_those_of_files_or_folders_and_each_is_there_once(
+    paths: list[str], names: list[str]
+) -> None:
+    assert object_names([Path(path) for path in paths]) == names
 
 
 def test_units_are_one_or_one_each(brick_file: Path) -> None:

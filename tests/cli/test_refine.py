@@ -22,6 +22,7 @@ from moveit6d.estimation.localizability import localizability
 from moveit6d.evaluation.metrics import add
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
+from tests.support.settings_read import offered, recorded
 
 
 @pytest.fixture
@@ -300,6 +301,30 @@ def test_ctrl_c_keeps_the_images_done(
     monkeypatch.setattr("moveit6d.estimation.refine_single", stop_at_third)
     assert command(rows) == 130
     assert [row.image for row in read_results(tmp_path / "refined.csv")] == [2, 1, 2, 1]
+
+
+def test_its_options_are_the_settings_that_it_reads(
+    command: Callable[..., int], rows: list[Estimate], scene: Any
+) -> None:
+    lost = replace(rows[3], pose=off(scene.pose(0), -0.4))  # behind the camera
+    # All are looked at, by templates that are not known from another test.
+    search = ["--detection.accepted", "1", "--detection.match.more_places", "1",
+              "--detection.templates.rotations", "301"]  # fmt: skip
+    with recorded() as read:
+        assert command([rows[0]], "--multi_start.below", "1") == 0
+        assert command([rows[0]], "--mode", "single", "--max_iterations", "2") == 0
+        assert command([lost], *search) == 0
+    region = {(name, field) for name, field in read if name == "RegionConfig"}  # without any
+    assert read - region - {("LoopConfig", "displacement_error")} == offered("refine")
+
+
+@pytest.mark.parametrize("option", ["--no_calibration", "--low_confidence", "--max_milliseconds"])
+def test_options_that_change_nothing_do_not_exist(option: str, capsys: Any) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(
+            ["refine", "--dataset", "d", "--split", "s", "--initial", "i", "--output", "o", option]
+        )
+    assert ended.value.code == 2 and f"there is no option {option}" in capsys.readouterr().err
 
 
 def test_an_unknown_split_is_said(

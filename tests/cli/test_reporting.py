@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from moveit6d.cli.reporting import check_apart, check_report, reporting
+from moveit6d.cli.reporting import check_report, reporting
 from moveit6d.datasets.video import VideoFrame
 from moveit6d.errors import InputError
 from moveit6d.rendering.backends import make_renderer
@@ -75,18 +76,17 @@ def test_what_can_be_seen_only_once_has_no_report(tmp_path: Path) -> None:
         check_report(tmp_path / "page.html", Stream(live=True))
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["out", "out/poses.csv", "out/poses.csv.unfinished", "out/summary.json", "out/overlay.mp4",
-     "out/overlay_000012.mp4", "mesh.ply", "out/../mesh.ply", "link.html", "log.rrd"],
-)  # fmt: skip
-def test_a_report_replaces_no_file_of_the_run(tmp_path: Path, name: str) -> None:
-    (tmp_path / "link.html").symlink_to(tmp_path / "mesh.ply")
-    written = {"--rerun": tmp_path / "log.rrd", "--report": tmp_path / name}
-    with pytest.raises(InputError, match=f"^--report .*{Path(name).name} would replace"):
-        check_apart(written, tmp_path / "out", [tmp_path / "mesh.ply"])
-    for good in ("out/report.html", "overlay.mp4", "poses.csv"):
-        check_apart({"--report": tmp_path / good, "--rerun": None}, tmp_path / "out", [])
+def test_what_a_log_needs_is_said_before_the_track(
+    clip: Clip, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    clip.output.mkdir()
+    (clip.output / "summary.json").write_text(json.dumps({"arguments": {"report": "r.html"}}))
+    for name in ("poses.csv", "r.html", "overlay.mp4"):
+        (clip.output / name).write_text("earlier")
+    monkeypatch.setattr("moveit6d.extras.find_spec", lambda name: None)
+    assert clip.track("--rerun", str(clip.output / "x.rrd")) == 2
+    assert "--rerun needs rerun: pip install" in capsys.readouterr().err
+    assert len(list(clip.output.iterdir())) == 4, "the earlier track stays"
 
 
 def test_the_runs_own_files_stay(clip: Clip, capsys: Any) -> None:
@@ -102,6 +102,6 @@ def test_the_runs_own_files_stay(clip: Clip, capsys: Any) -> None:
     for path in (clip.output / "poses.csv", *(clip.folder / name for name in inputs)):
         for option in ("--report", "--rerun"):
             assert clip.track(option, str(path)) == 2
-            assert f"{option} {path} would replace" in capsys.readouterr().err
+            assert f"{option}: {path} would be replaced" in capsys.readouterr().err
     assert (clip.output / "poses.csv").read_text() == "earlier"
     assert before == written()

@@ -130,7 +130,11 @@ def test_a_tracker_that_is_told_the_rows_knows_what_the_other_knew(
 
 
 def arguments(output: Path, *more: str) -> argparse.Namespace:
-    words = ["--mesh", "a.ply", "--mesh_unit", "m", "--video", "v", "--camera", "c.json"]
+    mesh, camera = output / "a.ply", output / "c.json"
+    for path in (mesh, camera):
+        if not path.exists():
+            path.write_text("as it was")
+    words = ["--mesh", str(mesh), "--mesh_unit", "m", "--video", "v", "--camera", str(camera)]
     return make_parser().parse_args(["track", *words, "--output", str(output), "--resume", *more])
 
 
@@ -151,6 +155,41 @@ def test_what_decides_a_track_must_be_the_same(tmp_path: Path, option: str) -> N
     assert len(earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())) == 1
     with pytest.raises(InputError, match=f"another {option.split()[0]};"):
         earlier_rows(tmp_path, arguments(tmp_path, *option.split()), TrackerConfig())
+
+
+@pytest.mark.parametrize("name", ["mesh", "camera", "start"])
+def test_a_file_must_be_the_same_by_what_is_in_it(tmp_path: Path, name: str) -> None:
+    start = tmp_path / "s.json"
+    start.write_text("as it was")
+    killed(tmp_path, "--start", str(start))
+    args = arguments(tmp_path, "--start", str(start))
+    assert len(earlier_rows(tmp_path, args, TrackerConfig())) == 1
+    moved = {"mesh": args.mesh[0], "camera": args.camera, "start": start}[name]
+    moved.rename(tmp_path / f"moved{moved.suffix}")
+    elsewhere = tmp_path / f"moved{moved.suffix}"
+    setattr(args, name, elsewhere if name == "camera" else [elsewhere])
+    assert len(earlier_rows(tmp_path, args, TrackerConfig())) == 1, "the same at another place"
+    elsewhere.write_text("edited in between")
+    with pytest.raises(InputError, match=f"holds a track with another --{name};"):
+        earlier_rows(tmp_path, args, TrackerConfig())
+
+
+def test_a_record_of_before_knows_files_by_their_places(tmp_path: Path) -> None:
+    begun(tmp_path)  # its summary holds no digests
+    args = arguments(tmp_path)
+    args.camera.write_text("edited in between")
+    assert len(earlier_rows(tmp_path, args, TrackerConfig())) == 1
+    args.camera = tmp_path / "a.ply"
+    with pytest.raises(InputError, match="another --camera;"):
+        earlier_rows(tmp_path, args, TrackerConfig())
+
+
+def test_a_summary_says_what_is_in_the_files(clip: Clip, capsys: Any) -> None:
+    assert clip.track("--no_overlay") == 0
+    camera = clip.folder / "camera.json"
+    camera.write_text(camera.read_text() + " ")
+    assert clip.track("--no_overlay", "--resume") == 2
+    assert "holds a track with another --camera;" in capsys.readouterr().err
 
 
 def killed(output: Path, *more: str, rows: bool = True) -> None:

@@ -7,7 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from moveit6d.cli.settings import add_settings, fields_of, settings_of
+from moveit6d.cli.settings import (
+    EVERYTHING,
+    SettingsPart,
+    add_settings,
+    check_settings,
+    fields_of,
+    settings_of,
+)
 from moveit6d.config import PAPER_CONFIG, TrackerConfig
 from moveit6d.errors import InputError
 
@@ -101,6 +108,33 @@ def test_a_file_may_be_written_by_powershell_and_name_others_beside_it(tmp_path:
     (tmp_path / "tracker.yaml").write_text("loop: loop.yaml\n", encoding="utf-16")
     found = parsed("--config", str(tmp_path / "tracker.yaml"), base=PAPER_CONFIG)
     assert found.loop.max_iterations == 5 and found.loop.mode == "single"
+
+
+def test_a_verb_has_options_for_the_part_that_it_reads_alone() -> None:
+    part = SettingsPart(("loop", "low_confidence"), but=("loop.augment",))
+    parser = argparse.ArgumentParser()
+    add_settings(parser, part=part)
+    found = settings_of(parser.parse_args(["--low_confidence", "0.1", "--max_iterations", "3"]))
+    assert found.low_confidence == 0.1 and found.loop.max_iterations == 3
+    for option in ("--loop.augment", "--high_confidence", "--no_contour", "--max_milliseconds"):
+        with pytest.raises(SystemExit):
+            parser.parse_args([option, "0"])
+
+
+def test_names_are_whole() -> None:
+    part = SettingsPart(("multi_start", "recovery.enabled"), but=("multi_start.recovery",))
+    assert "multi_start.recovery_first" in part and "recovery.enabled" in part
+    assert "multi_start.recovery.count" not in part and "recovery.interval" not in part
+    assert all(name in EVERYTHING for name, *_ in fields_of(TrackerConfig()))
+
+
+def test_what_one_way_of_a_verb_does_not_read_is_refused_by_name() -> None:
+    parser = argparse.ArgumentParser()
+    add_settings(parser)
+    args = parser.parse_args(["--no_contour", "--max_iterations", "3"])
+    check_settings(args, SettingsPart(("loop", "contour")), "here")
+    with pytest.raises(InputError, match=r"^--contour.enabled changes nothing here; leave it out"):
+        check_settings(args, SettingsPart(("loop",)), "here")
 
 
 def test_bad_options_are_one_sentence(tmp_path: Path) -> None:

@@ -54,6 +54,32 @@ def test_several_sequences_are_numbered_and_differ(
     assert [int(photo[0, 0, 0]) for photo in first["photos"]] == [0, 1, 2]
 
 
+def test_every_mesh_has_a_sequence(
+    asked: list[tuple[Path, dict[str, Any]]], brick_file: Path, tmp_path: Path, capsys: Any
+) -> None:
+    other = tmp_path / "other.ply"
+    other.write_bytes(brick_file.read_bytes())
+    command = ["synthesize", "--output", "set", "--mesh", str(brick_file), str(other)]
+    assert main(command) == 0
+    assert [folder for folder, _ in asked] == [Path("set/medium_00"), Path("set/medium_01")]
+    assert [options["mesh"].name for _, options in asked] == ["brick", "other"]
+    assert main([*command, "--count", "3"]) == 0
+    assert [options["mesh"].name for _, options in asked[2:]] == ["brick", "other", "brick"]
+    assert main([*command, "--count", "1"]) == 2
+    assert "--count 1 leaves out 1 of 2 meshes; leave out --count" in capsys.readouterr().err
+    assert len(asked) == 5
+
+
+def test_all_folders_are_looked_at_before_the_work(
+    asked: list[tuple[Path, dict[str, Any]]], tmp_path: Path, capsys: Any
+) -> None:
+    (tmp_path / "easy_01").mkdir()
+    (tmp_path / "easy_01" / "notes.txt").write_text("mine")
+    words = ["synthesize", "--output", str(tmp_path), "--count", "2", "--difficulty", "easy"]
+    assert main(words) == 2 and not asked
+    assert "easy_01 exists and is not a sequence made here" in capsys.readouterr().err
+
+
 @pytest.fixture
 def surrogates(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     """What the makers of surrogates are asked for."""

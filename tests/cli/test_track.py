@@ -19,6 +19,7 @@ from moveit6d.datasets.pose_files import TRACK_COLUMNS, read_poses
 from moveit6d.evaluation.metrics import add
 from moveit6d.geometry.pose import Pose
 from tests.support.clip import Clip
+from tests.support.settings_read import UNWRITTEN, offered, recorded
 
 Make = Callable[..., Any]
 
@@ -280,6 +281,23 @@ def test_what_comes_live_in_another_size_is_said_at_once(
     assert clip.track(video="0") == 2
     assert "is 80×60 but the camera is 160×120" in capsys.readouterr().err
     assert not clip.output.exists()
+
+
+def test_a_first_frame_that_cannot_be_calibrated_from_is_said(clip: Clip, capsys: Any) -> None:
+    assert clip.track("--no_overlay", "--exact_start") == 0
+    assert "--exact_start" not in capsys.readouterr().err
+    (clip.folder / "frames" / "000000.png").write_bytes(b"\x89PNG broken")
+    assert clip.track("--no_overlay", "--exact_start") == 0
+    assert "the first frame cannot be read, so that nothing is cal" in capsys.readouterr().err
+
+
+def test_its_options_are_the_settings_that_it_reads(make_sequence: Make, tmp_path: Path) -> None:
+    made = make_sequence("clip", frames=3)
+    with recorded() as read:
+        assert Clip(made.folder, tmp_path / "out", made.poses[0]).track("--exact_start") == 0
+    assert read - UNWRITTEN <= offered("track")
+    unread = {("LoopConfig", "augment"), ("MultiStartConfig", "below"), *UNWRITTEN}
+    assert not unread & offered("track")
 
 
 def test_a_start_may_be_a_matrix(clip: Clip) -> None:

@@ -260,6 +260,14 @@ def test_an_error_before_the_first_row_leaves_the_old_file(tmp_path: Path) -> No
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_the_objects_of_rows_are_written(tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    write_poses(path, [PoseRow(0, object="cup"), PoseRow(0, object="jug")])
+    assert [row.object for row in read_poses(path)] == ["cup", "jug"]
+    write_poses(path, (PoseRow(k) for k in range(2)))
+    assert "object" not in path.read_text() and len(read_poses(path)) == 2
+
+
 def test_benchmark_columns(tmp_path: Path) -> None:
     path = tmp_path / "easy_00.csv"
     write_poses(path, [PoseRow(4, pose=some_pose(), milliseconds=1.25)], RESULT_COLUMNS)

@@ -7,10 +7,13 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
+from moveit6d.datasets.pose_files import PoseRow, write_poses
 from moveit6d.geometry.camera import Camera
+from moveit6d.geometry.pose import Pose
 from moveit6d.synthesis.objects.demo_object import demo_object
 from moveit6d.synthesis.sequences.sequence import write_sequence
 from moveit6d.visualization.video import VideoWriter
@@ -44,6 +47,33 @@ def test_the_readme_follows_a_clip(folder: Path, capsys: pytest.CaptureFixture[s
     exec(compile(code, "README.md", "exec"), namespace)
     assert re.findall(r"^(\d+) ", capsys.readouterr().out, re.MULTILINE) == ["0", "1", "2"]
     assert namespace["result"].confidence > 0.5
+
+
+def test_the_page_on_using_poses_runs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pose = Pose.load("pose.json")
+    rows = [PoseRow(0, "000000.jpg", pose, state="tracking"), PoseRow(1, "000001.jpg")]
+    write_poses("out/poses.csv", rows)
+    np.savetxt("cam_K.txt", SMALL.matrix.numpy())
+    megapose = {"K": SMALL.matrix.tolist(), "resolution": [SMALL.height, SMALL.width]}
+    Path("camera_data.json").write_text(json.dumps(megapose))
+    found: dict[str, Any] = {}
+    first, *later = blocks(ROOT / "docs" / "how-to" / "use-poses.md", "python")
+    exec(compile(first, "use-poses.md", "exec"), found)
+    assert capsys.readouterr().out.startswith("0 000000.jpg tensor(")
+    for code in later:
+        exec(compile(code, "use-poses.md", "exec"), found)
+    again = Pose.from_quaternion([found[name] for name in "xyzw"], pose.translation, "xyzw")
+    torch.testing.assert_close(again.matrix, pose.matrix, rtol=0, atol=1e-6)
+    torch.testing.assert_close(
+        Pose.from_rvec(found["rvec"], pose.translation).matrix, pose.matrix, rtol=0, atol=1e-6
+    )
+    assert (found["model_view"] @ [0, 0, 0, 1])[2] < 0, "in front of OpenGL's camera"
+    moved = found["object_in_world"].translation - pose.translation
+    torch.testing.assert_close(moved.tolist(), [0.2, 0.0, 1.5], rtol=0, atol=1e-9)
+    assert (found["pixel"] > 0).all() and (found["pixel"] < 320).all()
+    # 640 × 480 is the page's size, not this clip's.
+    assert found["camera"].matrix.tolist() == SMALL.matrix.tolist()
+    assert Camera.load("camera.json").width == 640 and Camera.load("megapose.json") == SMALL
 
 
 def test_the_notebook_runs(capsys: pytest.CaptureFixture[str]) -> None:

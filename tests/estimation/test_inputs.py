@@ -7,117 +7,48 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from scipy.spatial.transform import Rotation
 
-from moveit6d.errors import InputError
+from moveit6d import Camera, InputError, Mesh, OraclePolicy, Pose, PoseTracker, make_renderer
+from moveit6d.config import PAPER_CONFIG
 from moveit6d.estimation.inputs import (
-    camera_of,
+    config_of,
     meshes_of,
-    pose_of,
-    poses_of,
+    policy_of,
+    renderer_of,
     start_poses_of,
 )
-from moveit6d.geometry.camera import Camera
-from moveit6d.geometry.mesh import Mesh
-from moveit6d.geometry.pose import Pose
 
-MATRIX = np.eye(4)
-MATRIX[:3, :3] = Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix()
-MATRIX[:3, 3] = 0.01, -0.02, 0.5
-POSE = Pose(torch.from_numpy(MATRIX[:3, :3]), torch.from_numpy(MATRIX[:3, 3]))
-WAYS: list[Any] = [
-    POSE,
-    [POSE],
-    (POSE,),
-    Pose.stack([POSE]),
-    MATRIX,
-    [MATRIX],
-    MATRIX[None],
-    MATRIX.astype(np.float32),
-    MATRIX.tolist(),
-    torch.from_numpy(MATRIX),
-    [torch.from_numpy(MATRIX).float()],
-    Pose.from_matrix(MATRIX),
-    Pose(MATRIX[:3, :3], MATRIX[:3, 3]),  # type: ignore[arg-type]
-    Pose.checked(MATRIX[:3, :3], MATRIX[:3, 3:]),
-]
+POSE = Pose.from_rvec([0.1, -0.2, 0.3], [0.01, -0.02, 0.5])
+MATRIX = POSE.matrix.numpy()
 
 
-@pytest.mark.parametrize("given", WAYS)
-def test_one_pose_in_every_form(given: Any) -> None:
-    (found,) = poses_of(given)
-    assert isinstance(found.rotation, torch.Tensor)
-    assert (found.matrix.double() - torch.from_numpy(MATRIX)).abs().max() < 1e-6
-    assert torch.equal(pose_of(given).matrix.reshape(4, 4), found.matrix)
-
-
-def test_several_poses() -> None:
-    for given in ([POSE, MATRIX], np.stack([MATRIX] * 2), Pose.stack([POSE] * 2)):
-        assert len(poses_of(given)) == 2
-    with pytest.raises(InputError, match="single one, found 2"):
-        pose_of([POSE, POSE])
-
-
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        (None, "found NoneType"),
-        ("start.json", "the text 'start.json'"),
-        (np.eye(3), r"shape \(3, 3\)"),
-        ((MATRIX[:3, :3], MATRIX[:3, 3]), r"shape \(3, 3\)"),
-        (MATRIX.T, "transposed"),
-        (np.full((4, 4), np.nan), "last row|not finite"),
-        (np.diag([2.0, 2.0, 2.0, 1.0]), "not a rotation"),
-        ([1.0, 2.0], "found float"),
-    ],
-)
-def test_what_is_no_pose_is_named(given: Any, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        poses_of(given)
-
-
-TURN = torch.from_numpy(MATRIX[:3, :3])
-SHEARED = torch.eye(3, dtype=torch.float64)
-SHEARED[0, 1] = 0.3
-
-
-@pytest.mark.parametrize(
-    ("rotation", "words"),
-    [
-        (1.1 * TURN, "not a rotation"),
-        (TURN @ SHEARED, "not a rotation"),
-        (TURN @ torch.diag(torch.tensor([1.0, 1.0, -1.0], dtype=torch.float64)), "left-handed"),
-        (float("nan") * TURN, "not finite"),
-    ],
-)
-def test_a_pose_that_is_no_rotation_is_refused(rotation: torch.Tensor, words: str) -> None:
-    pose = Pose(rotation, POSE.translation)
-    for given in (pose, [POSE, pose], Pose.stack([POSE, pose])):
-        with pytest.raises(InputError, match=f"^Start pose: the .*{words}"):
-            poses_of(given)
-    with pytest.raises(InputError, match=f"^Start pose: the .*{words}"):
-        pose_of(pose)
-    with pytest.raises(InputError, match=f"^Start pose: the .*{words}"):
-        start_poses_of([None, pose], 2)
-
-
-def test_a_pose_that_is_slightly_off_becomes_proper_and_others_stay() -> None:
-    for given in (POSE, POSE.to(torch.float32)):
-        assert pose_of(given) is given and poses_of(given)[0] is given
-    (found,) = poses_of(Pose(1.01 * POSE.rotation, POSE.translation))
-    torch.testing.assert_close(found.matrix, POSE.matrix)
-
-
-def test_meshes_and_cameras(brick: Mesh) -> None:
+def test_meshes(brick: Mesh) -> None:
     assert meshes_of(brick) == meshes_of([brick]) == meshes_of((brick,)) == [brick]
     for bad in ("box.obj", ["box.obj"], None, np.eye(3)):
         with pytest.raises(InputError, match=r"must be a Mesh.*Mesh\.load"):
             meshes_of(bad)
-    camera = Camera(1, 1, 0, 0, 2, 2)
-    assert camera_of(camera) is camera
-    for bad in (np.eye(3), "camera.json", None):
-        with pytest.raises(InputError, match=r"must be a Camera.*from_matrix"):
-            camera_of(bad)
+    with pytest.raises(InputError, match="list of meshes is empty"):
+        PoseTracker([], Camera(1, 1, 0, 0, 2, 2))
+
+
+@pytest.mark.parametrize(
+    ("tool", "bad", "words"),
+    [
+        (policy_of, "x.safetensors", r"Policy, found the text 'x\.safetensors'; load_policy"),
+        (renderer_of, "pyrender", r"Renderer, found the text 'pyrender'; make_renderer.* embree"),
+        (config_of, {"loop": {}}, "TrackerConfig, found dict"),
+        (config_of, None, "TrackerConfig, found NoneType"),
+    ],
+)
+def test_names_and_dicts_are_no_tools(tool: Any, bad: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        tool(bad)
+
+
+def test_tools_stay_as_they_are() -> None:
+    policy, renderer = OraclePolicy(Pose.identity(1)), make_renderer()
+    assert policy_of(policy) is policy and renderer_of(renderer) is renderer
+    assert config_of(PAPER_CONFIG) is PAPER_CONFIG
 
 
 def test_start_poses_are_as_many_as_meshes_and_may_be_missing() -> None:
@@ -128,3 +59,8 @@ def test_start_poses_are_as_many_as_meshes_and_may_be_missing() -> None:
     assert len(start_poses_of([POSE, MATRIX], 2)) == 2
     with pytest.raises(InputError, match="3 meshes need as many start poses, found 2"):
         start_poses_of([POSE, None], 3)
+    sheared = Pose(
+        POSE.rotation @ torch.diag(torch.tensor([1.0, 1.0, 2.0]).double()), POSE.translation
+    )
+    with pytest.raises(InputError, match=r"^Start pose: the .*not a rotation"):
+        start_poses_of([None, sheared], 2)

@@ -34,7 +34,7 @@ def test_results_are_found_in_every_form(make_sequence: Make, tmp_path: Path) ->
     assert found["hard_00"].missing == 3 and found["hard_00"].until_lost == 3
     alone = read_sequence(second.folder)
     assert score_results(alone, tmp_path / "out" / "easy_00.csv")["hard_00"].below_10 == 1.0
-    assert score_results(alone, first.folder) == {}
+    assert score_results(alone, first.folder / "frames") == {}
 
 
 def test_one_file_is_no_result_for_several_sequences(make_sequence: Make, tmp_path: Path) -> None:

@@ -33,6 +33,31 @@ cam0:
 M3T = "%YAML:1.2\nintrinsics:\n  f_u: 600\n  f_v: 610\n  pp_x: 320\n  pp_y: 240\n  width: 640\n"
 
 
+LAVAL = {"focalX": 600, "focalY": 610, "centerX": 320, "centerY": 240, **SIZE}
+
+
+def test_laval(tmp_path: Path) -> None:
+    wanted = Camera(600, 610, 320, 240, 640, 480)
+    assert Camera.load(saved(tmp_path, "camera.json", LAVAL)) == wanted
+    british = {**FOCAL, **SIZE, "centre_x": 320, "centre_y": 240}
+    del british["cx"], british["cy"]
+    assert Camera.load(saved(tmp_path, "camera.json", british)) == wanted
+    lens = {**LAVAL, "distortion": [list(LENS)]}
+    assert Camera.load(saved(tmp_path, "camera.json", lens)).distortion == tuple(LENS)
+
+
+def test_a_height_that_comes_first_is_named(tmp_path: Path) -> None:
+    """MegaPose's camera_data.json."""
+    megapose = {"K": [[605.9, 0, 319.0], [0, 605.0, 249.7], [0, 0, 1]], "resolution": [480, 640]}
+    with pytest.raises(InputError, match='MegaPose\'s files, give "width": 640, "height": 480'):
+        Camera.load(saved(tmp_path, "camera_data.json", megapose))
+    for size in ([640, 480], [480, 480]):
+        found = Camera.load(saved(tmp_path, "camera.json", {**megapose, "resolution": size}))
+        assert [found.width, found.height] == size
+    upright = {"K": [[600, 0, 240], [0, 600, 320], [0, 0, 1]], "resolution": [480, 640]}
+    assert Camera.load(saved(tmp_path, "camera.json", upright)).height == 640
+
+
 def test_kalibr_and_m3t(tmp_path: Path) -> None:
     found = Camera.load(saved(tmp_path, "camchain.yaml", KALIBR))
     assert found == Camera(

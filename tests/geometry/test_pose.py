@@ -123,6 +123,18 @@ def test_what_is_no_quaternion_is_refused(
         Pose.from_quaternion(quaternion, [0, 0, 1], order=order)
 
 
+def test_an_order_that_is_none_is_refused_both_ways() -> None:
+    with pytest.raises(InputError, match=r"Pose\.quaternion: the order is 'XYZW', must be 'xyzw'"):
+        Pose.identity().quaternion("XYZW")  # type: ignore[arg-type]
+
+
+def test_equal_is_the_same_object() -> None:
+    pose, twin = Pose.identity(), Pose.identity()
+    assert pose == pose and pose != twin
+    assert pose in [twin, pose] and pose not in [twin]
+    assert len({pose, twin}) == 2
+
+
 def test_vectors_are_those_of_opencv() -> None:
     rvec, tvec = np.array([[0.3], [-0.5], [2.0]], np.float32), np.array([[0.1], [0.2], [0.7]])
     pose = Pose.from_rvec(rvec, tvec)

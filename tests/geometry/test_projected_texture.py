@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from moveit6d import Camera, InputError, Mesh, Pose
 from moveit6d.geometry.rotation import exp_so3
@@ -62,6 +65,49 @@ def test_what_is_hidden_is_plain(painted: tuple[Mesh, Mesh, Pose]) -> None:
     inner = found[mask].astype(int)
     # No green of the background, and hardly any print.
     assert (inner[:, 1] - inner[:, 0] < 60).mean() > 0.98 and inner.std(0).max() < 45
+
+
+def test_every_kind_of_image_and_pose_paints_the_same(painted: tuple[Mesh, Mesh, Pose]) -> None:
+    true, mesh, pose = painted
+    image = rendered(true, pose)[0]
+    vertices, faces, *_ = meshes.box_arrays((0.1, 0.08, 0.06))
+    plain = Mesh.from_arrays("box", vertices, faces)
+    kinds: list[tuple[Any, Any]] = [
+        (image / 255, pose),
+        ((image / 255).astype(np.float32), pose),
+        (Image.fromarray(image), pose),
+        (torch.from_numpy(image).permute(2, 0, 1), pose),
+        (image, pose.matrix.numpy()),
+        (image, pose.matrix.tolist()),
+    ]
+    assert mesh.texture is not None
+    for picture, place in kinds:
+        again = plain.textured_from(picture, place, CAMERA).texture
+        assert again is not None and np.array_equal(again, mesh.texture)
+    grey = plain.textured_from(image[..., 0], pose, CAMERA).texture
+    assert grey is not None and np.array_equal(grey[..., 0], grey[..., 2]) and grey.std() > 5
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"image": np.zeros((128, 128, 3), np.uint8)}, "is 128×128 but the camera is 256×256"),
+        ({"image": np.full((256, 256, 3), 200.0)}, r"must lie in \[0, 1\]"),
+        ({"image": "frame.png"}, "expected an array"),
+        ({"pose": np.eye(3)}, "pose must be a Pose or a 4×4 matrix"),
+        ({"pose": None}, "pose must be a Pose or a 4×4 matrix, found NoneType"),
+        ({"camera": CAMERA.matrix.numpy()}, "camera must be a Camera"),
+    ],
+)
+def test_what_is_no_image_pose_or_camera_is_one_sentence(
+    change: dict[str, Any], words: str
+) -> None:
+    vertices, faces, *_ = meshes.box_arrays()
+    plain = Mesh.from_arrays("box", vertices, faces)
+    pose = Pose(TURN, torch.tensor([0.0, 0.0, 0.4], dtype=torch.float64))
+    given = {"image": np.zeros((256, 256, 3), np.uint8), "pose": pose, "camera": CAMERA, **change}
+    with pytest.raises(InputError, match=words):
+        plain.textured_from(**given)
 
 
 def test_out_of_the_picture_there_is_nothing_to_take() -> None:

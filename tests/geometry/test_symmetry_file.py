@@ -52,6 +52,16 @@ def test_files_that_declare_nothing_are_refused(tmp_path: Path, text: str) -> No
         symmetries_beside(tmp_path / "can.glb")
 
 
+@pytest.mark.parametrize("key", ["symmetries_discretes", "Symmetries_Continuous", "symmetry"])
+def test_a_misspelt_key_is_not_dropped(tmp_path: Path, key: str) -> None:
+    (tmp_path / "can.symmetry.json").write_text(json.dumps({**AXIS, key: []}))
+    with pytest.raises(InputError, match=rf"can\.symmetry\.json: there is no key '{key}'; did you"):
+        symmetries_beside(tmp_path / "can.glb")
+    (tmp_path / "models_info.json").write_text(json.dumps({"5": {"diameter": 100, key: []}}))
+    with pytest.raises(InputError, match=rf"models_info\.json: there is no key '{key}'; did you"):
+        symmetries_beside(tmp_path / "obj_000005.ply")
+
+
 def test_the_quarter_turn_alone_declares_four_motions(tmp_path: Path) -> None:
     turn = [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
     (tmp_path / "can.symmetry.json").write_text(json.dumps({"symmetries_discrete": [turn]}))

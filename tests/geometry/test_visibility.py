@@ -10,7 +10,7 @@ import torch
 
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.pose import Pose
-from moveit6d.geometry.visibility import why_unseen
+from moveit6d.geometry.visibility import seen_box, why_unseen
 from tests.support import meshes
 
 CAMERA = Camera(300.0, 300.0, 319.5, 239.5, 640, 480)
@@ -29,6 +29,17 @@ def pose(x: float, y: float, z: float) -> Pose:
 def test_a_slab_right_before_a_wide_camera_is_seen(z: float) -> None:
     slab = meshes.colored_box((0.6, 0.4, 0.05))
     assert why_unseen(pose(0, 0, z), slab, CAMERA) is None
+
+
+def test_the_box_of_what_is_seen() -> None:
+    slab = meshes.colored_box((0.2, 0.1, 0.02))
+    near = 300 / 0.49  # pixels a metre at the side that is turned to the camera
+    expected = (319.5 - 0.1 * near, 239.5 - 0.05 * near, 319.5 + 0.1 * near, 239.5 + 0.05 * near)
+    assert seen_box(pose(0, 0, 0.5), slab, CAMERA) == pytest.approx(expected, abs=0.1)
+    left, _, right, _ = seen_box(pose(0.5, 0, 0.5), slab, CAMERA)
+    assert left < 639 < right, "not cut off at the edge"
+    behind = seen_box(pose(0, 0, 0.005), slab, CAMERA)  # a part of it is behind the camera
+    assert behind[0] < 0 and behind[2] > 640
 
 
 @pytest.mark.parametrize("z", [0.02, 0.001])

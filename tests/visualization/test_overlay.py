@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
+from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.rendering.backends import make_renderer
@@ -65,6 +67,25 @@ def test_holes_are_outlined(renderer: Renderer, scene: Any) -> None:
     widths = [np.ptp(closed[:, 0]) / 16 for closed in found]
     assert widths[0] == pytest.approx(0.04 / 0.4 * 180, abs=3)
     assert widths[1] == pytest.approx(0.10 / 0.4 * 180, abs=3)
+
+
+def test_every_kind_of_image_and_pose_is_drawn_alike(renderer: Renderer, scene: Any) -> None:
+    image, pose = scene.image(0), scene.pose(0)
+    drawn = draw_pose(image, scene.mesh, pose, scene.camera, renderer)
+    kinds = [(image, pose.matrix.numpy()), (Image.fromarray(image), pose), (image / 255, pose)]
+    for picture, place in kinds:
+        again = draw_pose(picture, scene.mesh, place, scene.camera, renderer)
+        assert again.dtype == np.uint8
+        np.testing.assert_array_equal(again, drawn)
+    grey = draw_pose(image[..., 0], scene.mesh, pose, scene.camera, renderer)
+    assert grey.shape == image.shape
+
+
+def test_an_image_of_another_size_is_refused(renderer: Renderer, scene: Any) -> None:
+    with pytest.raises(InputError, match="is 80×60 but the camera is 160×120"):
+        draw_pose(scene.image(0)[::2, ::2], scene.mesh, scene.pose(0), scene.camera, renderer)
+    with pytest.raises(InputError, match="pose must be a Pose or a 4×4 matrix, found NoneType"):
+        draw_pose(scene.image(0), scene.mesh, None, scene.camera, renderer)  # type: ignore[arg-type]
 
 
 def test_an_object_behind_the_camera_is_not_drawn(renderer: Renderer, scene: Any) -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import resource
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
 import pytest
+from PIL import Image
 
 from moveit6d.errors import InputError
 from moveit6d.visualization.video import VideoWriter
@@ -40,6 +42,36 @@ def test_what_is_written_is_played(tmp_path: Path) -> None:
         assert stream.codec_context.pix_fmt == "yuv420p", "what every player can show"
         assert float(stream.average_rate) == pytest.approx(30)
     assert list(path.parent.iterdir()) == [path]
+
+
+def test_every_kind_of_image_is_a_frame(tmp_path: Path) -> None:
+    path, image = tmp_path / "v.mp4", frame(100)
+    grey = np.full((48, 64), 100, np.uint8)
+    kinds: list[tuple[Any, int]] = [
+        (grey, 100),
+        (image / 255, 155),
+        (np.dstack([image, grey]), 155),
+        (Image.fromarray(image), 155),
+    ]
+    for first, blue in kinds:
+        with VideoWriter(path) as movie:
+            movie.write(first)
+        (found,) = frames_of(path)
+        assert abs(found[..., 2].mean() - blue) < 12
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        (np.full((48, 64, 3), 100.0), "divide it by 255"),
+        (np.zeros((48, 64, 2), np.uint8), r"expected shape \(H, W, 3\)"),
+        ("frame.png", "expected an array"),
+    ],
+)
+def test_what_is_no_image_is_said_and_leaves_no_file(tmp_path: Path, bad: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words), VideoWriter(tmp_path / "v.mp4") as movie:
+        movie.write(bad)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_ctrl_c_leaves_a_whole_video(tmp_path: Path) -> None:

@@ -101,7 +101,8 @@ def calibrate(
     if len(views) < FEWEST:
         raise InputError(
             f"the board was found in {len(views)} pictures, at least {FEWEST} are needed; is it "
-            "wholly in the picture, sharp and flat, and are --board and --squares right?"
+            "wholly in the picture, sharp and flat, and are --board, --squares and, of a charuco "
+            "board, --dictionary right?"
         )
     kept = list(views)
     camera, errors, spread = _fit(kept, width, height, lens)

@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..io import check_writable
+from .apart import check_apart
 from .common import add_verb
 from .messages import note, progress
 
@@ -75,6 +77,7 @@ def add_parser(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print a board, or calibrate, or both."""
     from ..camera_calibration import Board
+    from ..datasets.video import open_frames
 
     board = Board(args.board, args.squares[0], args.squares[1], args.dictionary)
     if args.print_board is None and args.video is None:
@@ -83,21 +86,23 @@ def run(args: argparse.Namespace) -> int:
         )
     if (args.video is None) != (args.output is None):
         raise InputError("--video and --output are needed together.")
+    if args.output is not None:
+        check_writable(args.output)
+    frames = None if args.video is None else open_frames(args.video)
+    read = () if frames is None else getattr(frames, "paths", (Path(args.video),))
+    check_apart({"--print_board": (args.print_board,), "--output": (args.output,)}, read)
     if args.print_board is not None:
         print_board(board, args.print_board)
         print(f"{args.print_board}: print it at 100 % and glue it to something flat")
-    return 0 if args.video is None else _calibrate(args, board)
+    return 0 if frames is None else _calibrate(args, board, frames)
 
 
-def _calibrate(args: argparse.Namespace, board: Board) -> int:
+def _calibrate(args: argparse.Namespace, board: Board, frames: FrameSource) -> int:
     from ..camera_calibration import calibrate, choose_views
-    from ..datasets.video import open_frames
-    from ..io import check_writable
     from ..threads import limited_threads
 
-    check_writable(args.output)
     with limited_threads(1):
-        views, size = _views(board, open_frames(args.video))
+        views, size = _views(board, frames)
         if size is None:
             raise InputError(f"{args.video}: there is no picture that can be read.")
         chosen = [views[number] for number in choose_views(views, *size)]

@@ -18,7 +18,7 @@ from ..config import TrackerConfig
 from ..errors import InputError
 from ..io import check_folder, file_digest
 from .messages import add_message_options
-from .settings import DEFAULT, PREFIX, add_settings, settings_of
+from .settings import DEFAULT, EVERYTHING, PREFIX, SettingsPart, add_settings, settings_of
 from .watching import Watcher
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ UNITS = ("m", "cm", "mm", "in")  # those of `geometry.mesh.METRES`, which takes 
 CLUSTERS = ("one_small", "one_large", "one_large_rest_small", "all_small", "all_large", "near")
 
 BAD_INPUT, NO_RENDERING, INTERRUPTED, BROKEN_PIPE = 2, 3, 130, 141
+NOT_FOUND = 3  # of verbs that look for an object
 
 EXIT_CODES = """
 exit codes:
@@ -77,15 +78,20 @@ def add_verb(
     return parser
 
 
-def add_tracking_options(parser: argparse.ArgumentParser, base: TrackerConfig = DEFAULT) -> None:
-    """The options of whatever runs the loop; `base` are the settings without any option."""
+def add_tracking_options(
+    parser: argparse.ArgumentParser, base: TrackerConfig = DEFAULT, part: SettingsPart = EVERYTHING
+) -> None:
+    """The options of whatever runs the loop; `base` are the settings without any option.
+
+    `part` are the settings that it reads.
+    """
     group = parser.add_argument_group("tracking")
     group.add_argument(
         "--weights", type=Path, metavar="FILE", help="weights file instead of the shipped one"
     )
     add_machine_options(group)
     add_network_options(group)
-    add_settings(parser, base)
+    add_settings(parser, base, part)
 
 
 def add_untextured_option(parser: argparse.ArgumentParser) -> None:
@@ -264,3 +270,8 @@ def new_folder(path: Path) -> Path:
         raise InputError(f"{path} cannot be made a folder: {error.strerror}.") from error
     check_folder(path)
     return path
+
+
+def targets_file(path: Path) -> str:
+    """A targets file of a BOP data set: one in the working folder, or else in the data set's."""
+    return str(path.resolve() if path.is_file() else path)

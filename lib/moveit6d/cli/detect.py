@@ -21,6 +21,22 @@ from .common import (
 )
 from .narrowing import add_narrowing_options
 from .seed_options import add_seed_options
+from .settings import SettingsPart
+
+# The settings that one way or another of detecting reads; of the loop `seeds` alone its limit. The
+# errors of width and displacement decide about numbers that are not written.
+READ = SettingsPart(
+    ("loop", "contour", "detection"),
+    but=(
+        "loop.augment",
+        "loop.width_error",
+        "loop.displacement_error",
+        "contour.histogram_rate",
+        "detection.least_distance",
+    ),
+)
+TEMPLATES = SettingsPart(READ.names, but=(*READ.but, "loop.max_iterations"))
+SEEDS = SettingsPart(("loop",), but=READ.but)
 
 DESCRIPTION = """\
 Compares every place in the image, at every size, with the object seen from all sides, refines the
@@ -34,9 +50,10 @@ files written to --output:
                 --instances); empty numbers and the state `lost` where the object was not found,
                 `uncertain` where the image cannot be used (damaged, of another size);
                 `confidence` is the probability that the pose is right
-  pose.json     for one image: the pose found, start of `moveit6d track`
+  pose.json     for one image: the pose found, start of `moveit6d track`; those of more --instances
+                pose_2.json, pose_3.json, ...
   overlay.png   outline and axes drawn on the image; for several images overlay/NAME.png
-  detection.json  probabilities, what speaks for the poses, versions
+  detection.json  probabilities, what speaks for the poses, versions, which files were written
 
 with --dataset, --split and --targets, --output is a BOP result file with a pose for every target;
 its score is the probability that the pose is right, given that the object is in the image.
@@ -96,7 +113,7 @@ def add_parser(verbs: Any) -> None:
         "--resume", action="store_true", help="go on with a run that was interrupted"
     )
     add_seed_options(parser, SeedDetectorConfig())
-    add_tracking_options(parser)
+    add_tracking_options(parser, part=READ)
     add_untextured_option(parser)
     parser.set_defaults(run=run)
 

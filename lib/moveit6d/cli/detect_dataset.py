@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 from ..config import TrackerConfig
 from ..errors import InputError
-from .common import Setting, make_tools, run_facts
+from .apart import check_result
+from .common import Setting, make_tools, run_facts, targets_file
+from .detect import TEMPLATES
 from .journal import Journal, estimate_line, estimate_of
 from .messages import note, progress
-from .seed_options import DEST as SEEDS
-from .seed_options import SHORT as SEEDS_SHORT
+from .seed_options import given_seed_options
+from .settings import check_settings
 
 if TYPE_CHECKING:
     from ..datasets.bop import BopDataset, BopTarget, Estimate
@@ -40,17 +42,16 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.bop import TARGETS, BopDataset, write_results
     from ..estimation import TemplateStore
     from ..estimation.detection import default_store
-    from ..io import check_writable
 
     _check_options(args)
     dataset = BopDataset(args.dataset, args.split, mesh_unit=_unit(args))
-    name = TARGETS if args.targets is None else _targets_name(dataset, args)
+    name = TARGETS if args.targets is None else targets_file(args.targets)
     wanted = dataset.targets(name)
     boxes = _boxes(args, dataset, wanted)
     images: dict[tuple[int, int], list[BopTarget]] = {}
     for target in wanted:
         images.setdefault((target.scene, target.image), []).append(target)
-    check_writable(args.output)
+    check_result(args, *([] if args.boxes is None else [Path(args.boxes)]))
     _check(dataset, images, args.distance)
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
@@ -94,12 +95,10 @@ def _check_options(args: argparse.Namespace) -> None:
     mixed += ["--instances"] * (args.instances != 1)
     mixed += ["--allow_untextured"] * args.allow_untextured
     mixed += ["--method"] * (args.method != "templates")
-    for key in vars(args):
-        if key.startswith(SEEDS):
-            name = key.removeprefix(SEEDS)
-            mixed.append(f"--{name}" if name in SEEDS_SHORT else f"--{key}")
+    mixed += given_seed_options(args)
     if mixed:
         raise InputError(f"{', '.join(mixed)} is not for --dataset.")
+    check_settings(args, TEMPLATES, "with --dataset")
 
 
 def _unit(args: argparse.Namespace) -> Unit:
@@ -151,11 +150,6 @@ def _boxes(
             "pixels wide or high; nothing is looked for there."
         )
     return large
-
-
-def _targets_name(dataset: BopDataset, args: argparse.Namespace) -> str:
-    """A targets file in the working folder, or else in the data set's."""
-    return str(args.targets.resolve() if args.targets.is_file() else args.targets)
 
 
 def _check(

@@ -15,14 +15,25 @@ from typing import TYPE_CHECKING, Any
 
 from ..config import SeedDetectorConfig
 from ..errors import InputError
+from .apart import check_apart, check_truth, given_paths
 from .camera_options import camera_of
-from .common import Setting, given, make_tools, new_folder, run_facts, versions, weights_facts
-from .earlier import clear_earlier
-from .journal import Journal, pose_line, pose_of
+from .common import (
+    NOT_FOUND,
+    Setting,
+    given,
+    make_tools,
+    new_folder,
+    run_facts,
+    versions,
+    weights_facts,
+)
+from .detect import SEEDS, TEMPLATES
+from .earlier import DETECTION, TABLE, clear_detection, clear_earlier
+from .journal import Journal, file_facts, journal_file, pose_line, pose_of
 from .messages import note, progress
-from .narrowing import known_of, unconfirmed
-from .seed_options import DEST as SEEDS
-from .seed_options import seeds_of
+from .narrowing import advice, known_of, unconfirmed
+from .seed_options import DEST, given_seed_options, seeds_of
+from .settings import check_settings
 
 if TYPE_CHECKING:
     from ..datasets.pose_files import PoseRow
@@ -32,10 +43,7 @@ if TYPE_CHECKING:
     from ..geometry.mesh import Mesh
     from ..geometry.pose import Pose
 
-NOT_FOUND = 3
 POINTS_ERROR = "points_error_pixels"  # in detection.json, where the points alone say the pose
-# What a run writes beside the pictures of several images.
-WRITTEN = ("poses.csv", "pose.json", "overlay.png", "detection.json")
 
 
 @dataclass(frozen=True)
@@ -59,9 +67,11 @@ def run(args: argparse.Namespace) -> int:
     from ..frame import check_size
     from ..geometry.mesh import Mesh
 
+    _check_options(args)
     mesh = Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
     images = ImageList(tuple(args.image))
     _check_images(images.paths)
+    _check_output(args)
     camera, known = camera_of(args, images), _known(args, mesh)
     if len(images.paths) == 1:
         height, width = read_image(images.paths[0]).shape[:2]
@@ -70,8 +80,8 @@ def run(args: argparse.Namespace) -> int:
     setting = Setting.of(args)
     detector = _detector(args, setting, mesh, camera)
     single, answers = len(images.paths) == 1, list[_Answer]()
-    with Journal(output / "poses.csv", _facts_of_run(args, setting), args.resume) as journal:
-        with PoseWriter(output / "poses.csv") as table:
+    with Journal(output / TABLE, _facts_of_run(args, setting), args.resume) as journal:
+        with PoseWriter(output / TABLE) as table:
             try:
                 for frame in progress(images, len(images.paths), "detect", "image"):
                     if frame.index < len(journal.entries):
@@ -81,15 +91,16 @@ def run(args: argparse.Namespace) -> int:
                         if not frame.index:  # until now all of an earlier run's stays
                             _clear(output)
                         journal.add(_line(answer))
-                        _draw(_picture(output, frame, images.paths), frame, answer, detector)
+                        _draw(output / _picture(args, frame.index), frame, answer, detector)
                     answers.append(answer)
                     for row in _rows(frame, answer):
                         table.write(row)
             finally:
                 if answers:
                     _write_facts(args, answers, output, detector)
-        if single and answers[0].poses:
-            answers[0].poses[0][0].save(output / "pose.json")
+        if single:
+            for number, (pose, *_) in enumerate(answers[0].poses):
+                pose.save(output / _pose_file(number))
         journal.finish()
     return _verdict(args, answers, output)
 
@@ -104,11 +115,44 @@ def _check_images(paths: Sequence[Path]) -> None:
         image_size(path)
 
 
+def _check_options(args: argparse.Namespace) -> None:
+    """`InputError` for options that the method does not read."""
+    if args.method == "seeds":
+        check_settings(args, SEEDS, "with --method seeds")
+        return
+    seeds = given_seed_options(args)
+    if seeds:
+        raise InputError(f"{', '.join(seeds)} is for --method seeds.")
+    check_settings(args, TEMPLATES, "without --method seeds")
+
+
+def _check_output(args: argparse.Namespace) -> None:
+    """`InputError` where what is written would destroy an input, or be taken for a frame."""
+    output, count = args.output, len(args.image)
+    names = [TABLE, DETECTION, *(_picture(args, index) for index in range(count))]
+    names += [_pose_file(number) for number in range(args.instances if count == 1 else 1)]
+    written = [*(output / name for name in names), journal_file(output / TABLE)]
+    check_apart({"--output": written}, given_paths(args, "output"))
+    check_truth(output, args.image)
+    if count == 1 and _is_video(output, args.image[0]):
+        raise InputError(
+            f"--output: {output} holds {args.image[0].name} and other pictures of its kind, among "
+            "which overlay.png would be a frame; give another folder."
+        )
+
+
+def _is_video(folder: Path, image: Path) -> bool:
+    """Whether a folder holds an image and others that `--video` would read with it."""
+    if folder.resolve() != image.resolve().parent:
+        return False
+    own = (image.name, "overlay.png")
+    return any(path.suffix == image.suffix and path.name not in own for path in folder.iterdir())
+
+
 def _clear(output: Path) -> None:
     """Remove an earlier run's files, so that none stays beside those of another."""
     clear_earlier(output, ())  # a track's summary would vouch for these poses
-    for name in WRITTEN:
-        (output / name).unlink(missing_ok=True)
+    clear_detection(output)
 
 
 def _facts_of_run(args: argparse.Namespace, setting: Setting) -> dict[str, Any]:
@@ -118,9 +162,9 @@ def _facts_of_run(args: argparse.Namespace, setting: Setting) -> dict[str, Any]:
         "distance", "start", "method",
     )  # fmt: skip
     known = {
-        key: value for key, value in given(args).items() if key in names or key.startswith(SEEDS)
+        key: value for key, value in given(args).items() if key in names or key.startswith(DEST)
     }
-    return {**known, **run_facts(setting)}
+    return {**known, **file_facts(args), **run_facts(setting)}
 
 
 def _write_facts(
@@ -138,12 +182,13 @@ def _write_facts(
     ]
     facts = {
         "images": images,
+        "files": _files(args, answers),
         **weights_facts(args.weights),
         "versions": versions(),
         "config": detector.settings.as_dict(),
         "arguments": given(args),
     }
-    write_json(output / "detection.json", facts)
+    write_json(output / DETECTION, facts)
 
 
 def _verdict(args: argparse.Namespace, answers: Sequence[_Answer], output: Path) -> int:
@@ -155,7 +200,7 @@ def _verdict(args: argparse.Namespace, answers: Sequence[_Answer], output: Path)
         what = str(args.image[0]) if len(answers) == 1 else f"{len(answers)} images"
         print(
             f"moveit6d: {what}: the object was not found (probability of the best pose "
-            f"{best:.2f}){_advice(args)}.",
+            f"{best:.2f}){advice(args)}.",
             file=sys.stderr,
         )
         return NOT_FOUND
@@ -164,13 +209,6 @@ def _verdict(args: argparse.Namespace, answers: Sequence[_Answer], output: Path)
     else:
         print(f"found in {found} of {len(answers)} images: {output / 'poses.csv'}")
     return 0
-
-
-def _advice(args: argparse.Namespace) -> str:
-    """What could still narrow the search."""
-    names = [f"--{name}" for name in ("box", "mask", "points", "distance", "start")
-             if getattr(args, name) is None]  # fmt: skip
-    return f"; narrow the search by {' or '.join(names)}" if names else ""
 
 
 def _rows(frame: VideoFrame, answer: _Answer) -> list[PoseRow]:
@@ -196,13 +234,25 @@ def _rows(frame: VideoFrame, answer: _Answer) -> list[PoseRow]:
     ]  # fmt: skip
 
 
-def _picture(output: Path, frame: VideoFrame, paths: Sequence[Path]) -> Path:
+def _picture(args: argparse.Namespace, index: int) -> str:
     """Where an image is drawn; those of one name, from several folders, get their number."""
-    if len(paths) == 1:
-        return output / "overlay.png"
-    twice = [path.name for path in paths].count(frame.name) > 1
-    name = f"{frame.index:06d}_{frame.name}" if twice else frame.name
-    return output / "overlay" / f"{name}.png"
+    if len(args.image) == 1:
+        return "overlay.png"
+    name = args.image[index].name
+    twice = [path.name for path in args.image].count(name) > 1
+    return f"overlay/{index:06d}_{name}.png" if twice else f"overlay/{name}.png"
+
+
+def _pose_file(number: int) -> str:
+    """Where the pose of an instance is written, the most probable one first."""
+    return f"pose_{number + 1}.json" if number else "pose.json"
+
+
+def _files(args: argparse.Namespace, answers: Sequence[_Answer]) -> list[str]:
+    """The files of these answers in --output, by which a later run knows them as its own."""
+    drawn = [_picture(args, k) for k, answer in enumerate(answers) if not answer.error]
+    poses = answers[0].poses if len(args.image) == 1 else ()
+    return [TABLE, DETECTION, *drawn, *(_pose_file(number) for number in range(len(poses)))]
 
 
 def _draw(path: Path, frame: VideoFrame, answer: _Answer, detector: PoseDetector) -> None:

@@ -29,7 +29,7 @@ picture of the object from six sides.
 EPILOG = """\
 examples:
   moveit6d doctor
-  moveit6d doctor --mesh drill.obj --mesh_unit mm --output drill.png
+  moveit6d doctor --mesh drill.obj --mesh_unit mm --output sides.png
 """
 
 

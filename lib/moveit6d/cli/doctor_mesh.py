@@ -6,11 +6,14 @@ Never changes the file.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from .apart import check_apart
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from ..geometry.mesh import Mesh, Unit
     from ..geometry.mesh_files.content import MeshContent
 
@@ -23,6 +26,8 @@ def run(path: Path, unit: Unit | None, output: Path | None) -> int:
     from ..geometry.mesh_files import read_mesh_file
     from ..geometry.symmetry_file import symmetries_beside
 
+    picture = Path(f"{path.stem}_sides.png") if output is None else output
+    check_apart({"--output": [picture]}, [path])
     surface, content = read_mesh_file(path, allow_untextured=True)
     points = surface.vertices[np.unique(surface.faces)]
     chosen, why = _unit(np.ptp(points, axis=0).max(), content, unit)
@@ -33,6 +38,7 @@ def run(path: Path, unit: Unit | None, output: Path | None) -> int:
         ("file", f"{path}, {path.stat().st_size:,} bytes"),
         ("unit", f"{chosen} ({why})"),
         ("size", " × ".join(f"{value:.4g}" for value in extent) + " m (x, y, z)"),
+        *_ranges(points, chosen),
         ("diameter", f"{mesh.diameter:.4g} m"),
         ("faces", f"{len(mesh.faces):,} of {len(mesh.vertices):,} vertices"),
         ("looks", _looks(mesh)),
@@ -44,7 +50,6 @@ def run(path: Path, unit: Unit | None, output: Path | None) -> int:
     ]
     for name, text in lines:
         print(f"  {name:10} {text}")
-    picture = Path(f"{path.stem}_sides.png") if output is None else output
     _draw(mesh, picture)
     print(f"  {'picture':10} {picture}")
     return 2 if content.warnings else 0
@@ -69,6 +74,19 @@ def _unit(size: float, content: MeshContent, unit: Unit | None) -> tuple[Unit, s
         )
     found = ", ".join(f"{size * METRES[name]:.4g} m with {name}" for name in fitting)
     return fitting[0], f"guessed: give --mesh_unit; it would be {found}"
+
+
+def _ranges(points: NDArray[Any], unit: Unit) -> list[tuple[str, str]]:
+    """From where to where the surface reaches along each axis: where the file's origin is."""
+    from ..geometry.mesh import METRES
+
+    lines = []
+    for axis, low, high in zip("xyz", points.min(0).tolist(), points.max(0).tolist(), strict=True):
+        text = f"{low:.4g} to {high:.4g} {unit}"
+        if unit != "m":
+            text += f" ({low * METRES[unit]:.4g} to {high * METRES[unit]:.4g} m)"
+        lines.append((axis, text))
+    return lines
 
 
 def _looks(mesh: Mesh) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .common import DATASET_FORMATS, UNITS, add_verb, use_threads
+from .common import DATASET_FORMATS, UNITS, add_verb, targets_file, use_threads
 from .messages import note, progress_bar
 
 if TYPE_CHECKING:
@@ -29,8 +29,9 @@ Prints Markdown tables.
 TRACKING = """\
 A sequence folder has camera.json, frames/, a mesh (mesh.glb, model.glb, model.ply, metres)
 and poses.csv with the true poses, perhaps with holes; other formats with --format. Results are
-a folder with one <sequence>.csv (or <sequence>/poses.csv) each or, for one sequence, a
-poses.csv or the folder that track wrote it to.
+a folder with one <sequence>.csv (or <sequence>/poses.csv) each or, for one video, a poses.csv or
+the folder that track wrote it to; of several objects by its column object. Rows that name images
+belong to those, and a track that begins later is scored from there on.
 
 columns:
   ADD<10%d, ADD<5%d  share of frames whose ADD (mean distance of 2000 surface points between
@@ -59,8 +60,9 @@ column tells poses below 10 % d from others: 1 perfectly, 0.5 not at all; --reli
 how good it is as a probability, too, and writes the reliability diagram to NAME.png and NAME.svg.
 
 --errors bop19: the BOP challenge's average recall, the mean of those of VSD, MSSD and MSPD.
-The targets are those of test_targets_bop19.json (or --targets), else every instance of which
-10 % can be seen. VSD needs the split's depth images; without them it is left out.
+The targets are those of test_targets_bop19.json (or --targets, a file in the working folder or
+else in the data set's), else every instance of which 10 % can be seen. VSD needs the split's depth
+images; without them it is left out.
 """
 
 YCBV = """\
@@ -136,7 +138,7 @@ def _add_bop(kinds: Any) -> None:
         help="ADD(-S), or the BOP challenge's average recall",
     )
     two.add_argument("--mesh_unit", choices=UNITS, default="mm", help="unit of the models")
-    two.add_argument("--targets", metavar="FILE", help="bop19: targets file in the data set")
+    two.add_argument("--targets", type=Path, metavar="FILE", help="bop19: what is to be found")
     two.add_argument(
         "--renderer",
         choices=("embree", "pyrender"),
@@ -173,34 +175,28 @@ def tracking(args: argparse.Namespace) -> int:
     """Print a table for each of the results."""
     from ..datasets import open_dataset
     from ..evaluation.metrics.calibration import reliability
-    from ..evaluation.sequence_scores import confidences, score_results
+    from ..evaluation.sequence_scores import confidences, gaps, score_results
+    from ..evaluation.track_files import read_tracks
     from ..evaluation.track_scores import tracking_table
 
     sequences = open_dataset(args.sequences, args.format)
     levels = {sequence.name: sequence.level for sequence in sequences}
     measured = {}
     for path in args.results:
-        track = _track_of(path, list(levels))
-        scores = score_results(sequences, track, args.count_resets)
+        scores = score_results(sequences, path, args.count_resets)
         absent = [name for name in levels if name not in scores]
         if not scores:
             raise InputError(_none_of(path, levels))
         if absent:
             note(f"{path}: no result for {', '.join(absent)}.")
+        for sequence, rows in read_tracks(sequences, path):
+            for gap in gaps(sequence, rows):
+                note(f"{path}: {sequence.name}: {gap}.")
         print(f"\n{path.name}\n\n{tracking_table(scores, levels, args.per_sequence)}")
         if args.reliability is not None:
-            measured[path.name] = reliability(*confidences(sequences, track))
+            measured[path.name] = reliability(*confidences(sequences, path))
     _write_reliability(measured, args.reliability)
     return 0
-
-
-def _track_of(path: Path, names: Sequence[str]) -> Path:
-    """The poses.csv in a folder that `track` wrote, where there is one sequence; else the path."""
-    own = path / "poses.csv"
-    if len(names) != 1 or not own.is_file():
-        return path
-    named = (path / f"{names[0]}.csv", path / names[0] / "poses.csv")
-    return path if any(file.exists() for file in named) else own
 
 
 def _none_of(path: Path, names: Iterable[str]) -> str:
@@ -258,7 +254,7 @@ def _average_recalls(
     from ..evaluation.bop.bop19 import bop19_table, has_depth, score_bop19, targets_of
     from ..rendering.backends import make_renderer
 
-    targets = targets_of(dataset, args.targets)
+    targets = targets_of(dataset, None if args.targets is None else targets_file(args.targets))
     depth = has_depth(dataset, targets)
     if not depth:
         note("this split has no depth images: VSD, and with it AR, cannot be measured.")

@@ -5,8 +5,9 @@ Never holds the result itself; a finished run removes it.
 
 from __future__ import annotations
 
+import argparse
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from io import FileIO
 from pathlib import Path
@@ -14,19 +15,24 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ..io import read_text, replacing, write_all
+from ..io import check_writable, file_digest, read_text, replacing, write_all
 from .messages import note
 
 if TYPE_CHECKING:
     from ..datasets.bop import Estimate
     from ..geometry.pose import Pose
 
+# The files that decide about poses beside the images: another one may have come to the same place.
+FILES = ("mesh", "camera", "start", "mask", "points")
+CONTENT = "_sha256"  # ends the name of a fact that is a file's content
+MISSING = object()
+
 
 class Journal:
     """Lines of JSON beside `output`, flushed one by one; the first says what the run goes by.
 
     Use as a context manager. With `resume` the entries of an interrupted run are kept; `InputError`
-    if that went by other facts. One without an entry is no use, and goes with the run.
+    if that went by other facts. Without an entry nothing is written, and an older journal stays.
     """
 
     def __init__(self, output: Path, facts: Mapping[str, Any], resume: bool) -> None:
@@ -35,23 +41,26 @@ class Journal:
         self.resume = resume
         self.entries: list[Any] = self._earlier() if resume else []
         self._file: FileIO | None = None
-        self._holds_any = bool(self.entries)
 
     def __enter__(self) -> Journal:
+        check_writable(self.path)
         if not self.resume and self.path.is_file() and self.path.read_bytes().count(b"\n") > 1:
-            note(f"{self.path}, of a run that was interrupted, is replaced; --resume goes on.")
-        with replacing(self.path) as temporary:
-            self._file = temporary.open("wb", buffering=0)
-            for content in (self.facts, *self.entries):
-                write_all(self._file, _line(content))
+            note(
+                f"{self.path} is of a run that was interrupted: --resume goes on with it, this "
+                "run takes its place."
+            )
         return self
 
     def add(self, content: Any) -> None:
         """Note one thing that was done."""
-        assert self._file is not None
-        self._holds_any = True
         try:
-            write_all(self._file, _line(content))
+            if self._file is None:
+                with replacing(self.path) as temporary:
+                    self._file = temporary.open("wb", buffering=0)
+                    for one in (self.facts, *self.entries, content):
+                        write_all(self._file, _line(one))
+            else:
+                write_all(self._file, _line(content))
         except OSError as error:
             reason = error.strerror or error
             raise InputError(f"{self.path} cannot be written: {reason}.") from error
@@ -69,20 +78,47 @@ class Journal:
         if self._file is not None:
             with suppress(OSError):
                 self._file.close()
-                if not self._holds_any:
-                    self.path.unlink(missing_ok=True)
 
     def _earlier(self) -> list[Any]:
         if not self.path.is_file():
             return []
         facts, entries = read_journal(self.path)
-        other = [key for key, value in self.facts.items() if facts.get(key) != value]
-        if other:
+        other = other_fact(facts, self.facts)
+        if other is not None:
             raise InputError(
-                f"{self.path} belongs to a run with another {other[0]}; give the arguments that it "
+                f"{self.path} belongs to a run with another {other}; give the arguments that it "
                 "was begun with, or delete it."
             )
         return entries
+
+
+def file_facts(args: argparse.Namespace, names: Sequence[str] = FILES) -> dict[str, Any]:
+    """SHA-256 of the files of these options, as journals and summaries hold them; None: no file.
+
+    Of a mesh with the pictures and materials that it names.
+    """
+    from ..geometry.mesh_files.digest import mesh_digest
+
+    found: dict[str, Any] = {}
+    for name in names:
+        digest = mesh_digest if name == "mesh" else file_digest
+        given = getattr(args, name, None)
+        every = [digest(path) for path in given] if isinstance(given, list) else None
+        found[f"{name}{CONTENT}"] = every or (digest(given) if isinstance(given, Path) else None)
+    return found
+
+
+def other_fact(before: Mapping[str, Any], now: Mapping[str, Any]) -> str | None:
+    """What one run goes by and another does not; None if they go by the same.
+
+    A file goes by its content and may have come to another place; where the record of an earlier
+    version does not tell that, by its place.
+    """
+    for name, value in now.items():
+        known = f"{name}{CONTENT}" in before or (name.endswith(CONTENT) and name not in before)
+        if not known and before.get(name, MISSING) != value:
+            return name.removesuffix(CONTENT)
+    return None
 
 
 def journal_file(output: Path) -> Path:

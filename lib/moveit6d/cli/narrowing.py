@@ -55,6 +55,14 @@ def add_narrowing_options(parser: argparse.ArgumentParser, where: str = "") -> A
     return known
 
 
+def advice(args: argparse.Namespace) -> str:
+    """What could still narrow a search that found nothing, as the end of a sentence."""
+    several = isinstance(args.mesh, list) and len(args.mesh) > 1
+    names = ("start",) if several else (*NAMES, "start")
+    free = [f"--{name}" for name in names if getattr(args, name) is None]
+    return f"; narrow the search by {' or '.join(free)}" if free else ""
+
+
 def is_narrowed(args: argparse.Namespace) -> bool:
     """Whether one of the options is given."""
     return any(getattr(args, name) is not None for name in NAMES)

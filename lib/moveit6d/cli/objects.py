@@ -6,8 +6,9 @@ Never tracks.
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Iterator, Sequence
-from itertools import chain
+from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -61,14 +62,38 @@ def read_starts(args: argparse.Namespace, count: int) -> list[Pose | None]:
 
 
 def object_names(paths: Sequence[Path]) -> list[str]:
-    """Names for the column `object`: file names, numbered where they are the same; one: none."""
+    """Names for the column `object`, each once; none for one object.
+
+    Names of files, of files of one name those of their folders; instances of one file are numbered.
+    """
     if len(paths) == 1:
         return [""]
-    stems = [path.stem for path in paths]
-    return [
-        f"{stem}_{stems[:k].count(stem) + 1}" if stems.count(stem) > 1 else stem
-        for k, stem in enumerate(stems)
-    ]
+    files = [Path(os.path.abspath(path)) for path in paths]
+    names = _names_of_files(list(dict.fromkeys(files)))
+    found: list[str] = []
+    for file in files:
+        name = names[file]
+        others = {*found, *(one for other, one in names.items() if other != file)}
+        if files.count(file) > 1 or name in others:
+            name = next(one for k in count(1) if (one := f"{name}_{k}") not in others)
+        found.append(name)
+    return found
+
+
+def _names_of_files(files: Sequence[Path]) -> dict[Path, str]:
+    """The stems of different files; where stems are the same their folders' names tell them apart.
+
+    Those alone, if they are different ones and no other file's stem.
+    """
+    stems = [file.stem for file in files]
+    folders = [file.parent.name for file in files if stems.count(file.stem) > 1]
+    alone = all(folders) and len({*folders}) == len(folders) and not {*folders} & {*stems}
+    names = {file: file.stem for file in files}
+    for file in files:
+        if stems.count(file.stem) > 1:
+            folder = file.parent.name
+            names[file] = folder if alone else f"{folder}_{file.stem}"
+    return names
 
 
 def wants_paint(args: argparse.Namespace, meshes: Sequence[Mesh], remembered: bool = False) -> bool:

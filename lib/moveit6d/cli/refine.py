@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ..io import check_writable, file_digest
+from ..io import file_digest
+from .apart import check_result
 from .common import (
     UNITS,
     Setting,
@@ -28,6 +29,7 @@ from .common import (
 )
 from .journal import Journal, estimate_line, estimate_of
 from .messages import note, progress
+from .settings import SettingsPart
 
 if TYPE_CHECKING:
     from ..datasets.bop import BopDataset, Estimate
@@ -35,6 +37,22 @@ if TYPE_CHECKING:
     from ..geometry.mesh import Unit
     from ..policies import Policy
     from ..rendering.renderer import Renderer
+
+# The settings that decide about single images, lost objects among them.
+READ = SettingsPart(
+    ("loop", "multi_start", "single_image", "contour", "detection", "recovery.enabled"),
+    but=(
+        "loop.displacement_error",  # of a number that is not written
+        "multi_start.recovery",
+        "multi_start.recovery_first",
+        "multi_start.recovery_every",
+        "multi_start.race",
+        "multi_start.duplicate_delta",
+        "contour.histogram_rate",
+        "detection.region",
+        "detection.least_distance",
+    ),
+)
 
 DESCRIPTION = """\
 Refines every pose of a BOP result file on the images of a data set in BOP's layout. Rows keep
@@ -87,7 +105,7 @@ def add_parser(verbs: Any) -> None:
         "--resume", action="store_true", help="go on with a run that was interrupted"
     )
     add_jobs_options(parser)
-    add_tracking_options(parser)
+    add_tracking_options(parser, part=READ)
     parser.set_defaults(run=run)
 
 
@@ -96,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.bop import BopDataset, by_image, read_results, write_results
     from ..parallel import run_jobs
 
-    check_writable(args.output)
+    check_result(args)
     dataset = BopDataset(args.dataset, args.split, mesh_unit=args.mesh_unit)
     initial = read_results(args.initial)
     check(dataset, initial, args.initial)

@@ -8,13 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
-from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..extras import require
-from .journal import journal_file
 
 if TYPE_CHECKING:
     from ..datasets.pose_files import PoseRow
@@ -42,28 +40,8 @@ class Gathered:
             self.failures[step.row.frame] = step.error
 
 
-def check_apart(written: Mapping[str, Path | None], output: Path, read: Iterable[Path]) -> None:
-    """`InputError` where a file of an option would take the place of another one of the run.
-
-    `written` are the options with their files, `output` the folder for a track, `read` the inputs.
-    """
-    table = output / "poses.csv"
-    own = (output, table, journal_file(table), output / "summary.json")
-    taken = {path.resolve() for path in (*own, *read)}
-    for option, path in written.items():
-        if path is None:
-            continue
-        place = path.resolve()
-        movie = place.parent == output.resolve() and fnmatch(place.name, "overlay*.mp4")
-        if movie or place in taken:
-            raise InputError(
-                f"{option} {path} would replace what this run reads or writes; give another name."
-            )
-        taken.add(place)
-
-
 def check_report(path: Path | None, frames: FrameSource) -> None:
-    """Refuse a report of a live camera, whose frames cannot be seen again."""
+    """Refuse a report that cannot be written, or of a camera, whose frames cannot be seen again."""
     from ..datasets.video import is_live
     from ..io import check_writable
 
@@ -75,6 +53,15 @@ def check_report(path: Path | None, frames: FrameSource) -> None:
             "--report reads the video a second time, which a camera does not allow; record it "
             "first, or use --rerun."
         )
+
+
+def check_rerun(path: Path | None) -> None:
+    """Refuse a log for the rerun viewer that cannot be written."""
+    from ..io import check_writable
+
+    if path is not None:
+        require("rerun", "--rerun")
+        check_writable(path)
 
 
 @contextmanager

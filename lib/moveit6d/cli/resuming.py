@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ..config import TrackerConfig
 from ..errors import InputError
 from .common import plain, weights_facts
-from .journal import journal_file, read_journal
+from .journal import CONTENT, MISSING, file_facts, journal_file, other_fact, read_journal
 from .narrowing import NAMES as NARROWING
 from .settings import fields_of
 
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 # The arguments that a track goes by, beside the settings and the weights.
 SAME = ("mesh", "mesh_unit", "video", "camera", "fov", "start", "exact_start",
         "texture_from_start", "allow_untextured", "renderer", "float32", *NARROWING)  # fmt: skip
-MISSING = object()
 
 
 def earlier_rows(
@@ -58,11 +57,22 @@ def earlier_rows(
 def track_facts(args: argparse.Namespace, config: TrackerConfig) -> dict[str, Any]:
     """What a track goes by: one that was begun with others cannot be gone on with."""
     arguments = {name: plain(getattr(args, name, None)) for name in SAME}
-    # By what is in it: another file may have come to the same place.
     weights = {"weights": weights_facts(args.weights)["weights_sha256"]}
     settings = {name: value for name, _, _, value in fields_of(config)}
-    facts: dict[str, Any] = json.loads(json.dumps({**arguments, **weights, **settings}))
+    every = {**arguments, **weights, **file_facts(args), **settings}
+    facts: dict[str, Any] = json.loads(json.dumps(every))
     return facts
+
+
+def earlier_failure(row: PoseRow) -> dict[str, Any] | None:
+    """What a summary says of an earlier frame without a pose, as nearly as its row tells it."""
+    from ..estimation.states import TrackingState
+
+    if row.pose is not None:
+        return None
+    unread = row.milliseconds is None
+    lost = "the object is lost." if row.state == TrackingState.LOST else "there is no pose."
+    return {"frame": row.frame, "error": "the frame cannot be read." if unread else lost}
 
 
 def numbered(path: Path, first: int) -> Path:
@@ -78,7 +88,7 @@ def _check_facts(table: Path, facts: dict[str, Any]) -> None:
             f"{table}: nothing says which arguments and settings its rows were tracked with; leave "
             "out --resume to begin anew, or give another --output."
         )
-    other = next((name for name in facts if before.get(name, MISSING) != facts[name]), None)
+    other = other_fact(before, facts)
     if other is not None:
         raise InputError(
             f"{table.parent} holds a track with another --{other}; give the arguments and settings "
@@ -104,7 +114,8 @@ def _facts_before(table: Path, facts: dict[str, Any]) -> dict[str, Any]:
     content = read_json(summary)
     known = {name: _in_summary(content, name) for name in facts}
     known = {name: value for name, value in known.items() if value is not MISSING}
-    return {**facts, **known} if "mesh" in known else {}
+    later = {name: value for name, value in facts.items() if not name.endswith(CONTENT)}
+    return {**later, **known} if "mesh" in known else {}
 
 
 def _check_states(rows: Sequence[PoseRow], table: Path) -> None:
@@ -120,9 +131,9 @@ def _check_states(rows: Sequence[PoseRow], table: Path) -> None:
 
 
 def _in_summary(content: dict[str, Any], name: str) -> Any:
-    """What a summary says of an argument, of the weights or of a setting; MISSING if nothing."""
-    if name == "weights":
-        return content.get("weights_sha256", MISSING)
+    """What a summary says of an argument, of a file or of a setting; MISSING if nothing."""
+    if name == "weights" or name.endswith(CONTENT):
+        return content.get(f"{name.removesuffix(CONTENT)}{CONTENT}", MISSING)
     found: Any = content.get("arguments" if name in SAME else "config", MISSING)
     for part in name.split("."):
         found = found.get(part, MISSING) if isinstance(found, dict) else MISSING

@@ -47,6 +47,12 @@ def seeds_of(
     return replace(base, **given, loop=loop)
 
 
+def given_seed_options(args: argparse.Namespace) -> list[str]:
+    """Which of these options are given, as they are written."""
+    names = [key.removeprefix(DEST) for key in vars(args) if key.startswith(DEST)]
+    return [f"--{name}" if name in SHORT else f"--{DEST}{name}" for name in names]
+
+
 def _reading(kind: Any, value: Any) -> dict[str, Any]:
     """How argparse reads a field: its type, and how many words."""
     if typing.get_origin(kind) is typing.Literal:

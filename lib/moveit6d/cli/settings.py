@@ -12,6 +12,7 @@ import sys
 import types
 import typing
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,23 @@ OFF = {
     "recovery.enabled": ("--no_recovery", "never look for lost objects"),
 }
 DEFAULT = TrackerConfig()
+
+
+@dataclass(frozen=True)
+class SettingsPart:
+    """The settings that a verb reads, by their dotted names or those of their groups.
+
+    Those in `but` are not among them.
+    """
+
+    names: tuple[str, ...]
+    but: tuple[str, ...] = ()
+
+    def __contains__(self, name: str) -> bool:
+        return _is_in(name, self.names) and not _is_in(name, self.but)
+
+
+EVERYTHING = SettingsPart(tuple(field.name for field in dataclasses.fields(TrackerConfig)))
 PREFIX = "setting:"  # of the names under which argparse keeps them
 _FULL_HELP = "full_help"  # attribute of the options that only --all_options shows
 
@@ -59,25 +77,30 @@ def hide(action: argparse.Action) -> None:
     action.help = argparse.SUPPRESS
 
 
-def add_settings(parser: argparse.ArgumentParser, base: TrackerConfig = DEFAULT) -> None:
-    """Add --config and an option for each field; `base` are the defaults that help shows."""
+def add_settings(
+    parser: argparse.ArgumentParser, base: TrackerConfig = DEFAULT, part: SettingsPart = EVERYTHING
+) -> None:
+    """Add --config and an option for each field of a part; `base` are the defaults of the help."""
     parser.add_argument(
         "--config",
         type=Path,
         metavar="FILE",
-        help="settings as a YAML file, nested as the options below; these go before it",
+        help="settings as a YAML file, nested as the options below; these go before it. It may "
+        "hold those of other commands, too",
     )
     parser.add_argument(
         "--all_options",
         action=AllOptions,
         default=argparse.SUPPRESS,
-        help="show this help with every setting of tracking and detection",
+        help="show this help with every setting that this command reads",
     )
     group = parser.add_argument_group(
         "settings",
         "All of them (--all_options) are written with the results. Tuples as '[1, 2]'.",
     )
     for name, kind, text, value in fields_of(base):
+        if name not in part:
+            continue
         options = [f"--{name}", *([SHORT[name]] if name in SHORT else [])]
         action = group.add_argument(
             *options,
@@ -105,11 +128,7 @@ def settings_of(args: argparse.Namespace, base: TrackerConfig = DEFAULT) -> Trac
 
     `InputError` names the option or the file that cannot be used.
     """
-    given = [
-        (name.removeprefix(PREFIX), value)
-        for name, value in vars(args).items()
-        if name.startswith(PREFIX)
-    ]
+    given = _given(args)
     file: Path | None = getattr(args, "config", None)
     if not given and file is None:
         return base
@@ -124,12 +143,29 @@ def settings_of(args: argparse.Namespace, base: TrackerConfig = DEFAULT) -> Trac
         parser.set_defaults(_in_file(file, parser))
     try:
         found = parser.instantiate(
-            parser.parse_args([f"--{name}={value}" for name, value in given])
+            parser.parse_args([f"--{name}={value}" for name, value in given.items()])
         )
     except (argparse.ArgumentError, jsonargparse.ArgumentError) as error:
         raise InputError(_sentence(str(error), None)) from None
     values = {field.name: found[field.name] for field in dataclasses.fields(TrackerConfig)}
     return TrackerConfig(**values)
+
+
+def check_settings(args: argparse.Namespace, part: SettingsPart, way: str) -> None:
+    """`InputError` for options of settings that one way of a verb does not read."""
+    others = [f"--{name}" for name in _given(args) if name not in part]
+    if others:
+        raise InputError(f"{', '.join(others)} changes nothing {way}; leave it out.")
+
+
+def _given(args: argparse.Namespace) -> dict[str, Any]:
+    """The settings that options ask for, by dotted name."""
+    every = vars(args).items()
+    return {key.removeprefix(PREFIX): value for key, value in every if key.startswith(PREFIX)}
+
+
+def _is_in(name: str, names: Sequence[str]) -> bool:
+    return any(name == one or name.startswith(f"{one}.") for one in names)
 
 
 def fields_of(config: Any, prefix: str = "") -> Iterator[tuple[str, Any, str, Any]]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from .apart import check_apart, given_paths
 from .common import UNITS, add_untextured_option, add_verb, positive
 from .messages import progress_bar
 
@@ -21,16 +22,17 @@ if TYPE_CHECKING:
 DESCRIPTION = """\
 Renders objects in hand-like motion in front of a moving background, with motion blur,
 changing light, things passing in front and noise, and writes the true pose of every frame.
-The result is what `moveit6d benchmark tracking`, `track` and `reproduce` read. `moveit6d
-synthesize sequence` is the same.
+The result is what `moveit6d benchmark tracking` and `reproduce` read; `track` reads the frames,
+camera.json and meshes of any. `moveit6d synthesize sequence` is the same.
 
 difficulties: easy (slow, never occluded), occ (slow, occluded at times), medium, fast (up to
 24 pixels and 10 degrees a frame, blurred), hard (fast, occluded, changing light, clutter)
 
 formats (docs/reference/formats.md):
-  folders  one sequence folder; with --count 2 or more: <difficulty>_<nn>. Files: frames/000000.jpg
-           ..., camera.json, mesh.glb, start.json, poses.csv (the truth), info.json, and
-           mesh.symmetry.json of a mesh with declared symmetries
+  folders  one sequence folder; of several (a sequence for each mesh, or --count, of each mesh in
+           turn) <difficulty>_<nn>. Files: frames/000000.jpg ..., camera.json, mesh.glb,
+           start.json, poses.csv (the truth), info.json, and mesh.symmetry.json of a mesh with
+           declared symmetries. A sequence that was made before is replaced
   laval    a surrogate for the Laval data set: for every object OBJECT_occlusion_0 and, for each
            other --occlusion, one sequence with a board in front from below (h) and one from a
            side (v), which hides that share of the object in every frame
@@ -71,7 +73,10 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--frames", type=positive, default=120, metavar="N", help="length")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same clip")
     parser.add_argument(
-        "--count", type=positive, default=1, metavar="N", help="sequences, or scenes for ycbv"
+        "--count",
+        type=positive,
+        metavar="N",
+        help="sequences (default: one, or one for each mesh), or scenes for ycbv (default: 1)",
     )
     parser.add_argument(
         "--occlusion",
@@ -89,26 +94,49 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Make the sequences."""
-    from ..datasets.video import open_frames
+    from ..synthesis.sequences.sequence import check_replaceable
 
     if args.occlusion is not None and args.format != "laval":
         raise InputError("--occlusion is for --format laval; other formats go by --difficulty.")
-    if args.count > 1 and args.format == "laval":
+    if args.count is not None and args.format == "laval":
         raise InputError("--count is not for --format laval; give more meshes or levels.")
-    photos = None
-    if args.photos is not None:
-        found = itertools.islice(open_frames(args.photos / "*"), PHOTOS)
-        photos = [frame.image for frame in found if frame.image is not None]
+    folders = _folders(args) if args.format == "folders" else [args.output]
+    check_apart({"--output": folders}, given_paths(args, "output"))
     if args.format != "folders":
-        make_surrogate(args, photos)
+        make_surrogate(args, _photos(args))
         print(args.output)
         return 0
-    for number in range(args.count):
-        alone = args.count == 1
-        folder = args.output if alone else args.output / f"{args.difficulty}_{number:02d}"
+    for folder in folders:
+        check_replaceable(folder)
+    photos = _photos(args)
+    for number, folder in enumerate(folders):
         make_folder(args, folder, number, photos)
         print(folder)
     return 0
+
+
+def _folders(args: argparse.Namespace) -> list[Path]:
+    """Where each sequence goes; `InputError` where there are not enough for the meshes."""
+    meshes = len(args.mesh or ())
+    count = args.count or max(1, meshes)
+    if count < meshes:
+        raise InputError(
+            f"--count {count} leaves out {meshes - count} of {meshes} meshes; leave out --count "
+            "for a sequence of each."
+        )
+    if count == 1:
+        return [args.output]
+    return [args.output / f"{args.difficulty}_{number:02d}" for number in range(count)]
+
+
+def _photos(args: argparse.Namespace) -> list[Image] | None:
+    """The pictures of --photos, up to `PHOTOS` of them."""
+    from ..datasets.video import open_frames
+
+    if args.photos is None:
+        return None
+    found = itertools.islice(open_frames(args.photos / "*"), PHOTOS)
+    return [frame.image for frame in found if frame.image is not None]
 
 
 def make_folder(
@@ -142,8 +170,8 @@ def make_surrogate(args: argparse.Namespace, photos: list[Image] | None) -> None
         name = surrogate_datasets.object_name(mesh)
         objects[name if name not in objects else f"{name}_{number}"] = mesh
     levels = args.occlusion if args.occlusion is not None else surrogate_datasets.OCCLUSIONS
-    laval = args.format == "laval"
-    sequences = count * len(surrogate_datasets.laval_kinds(levels)) if laval else args.count
+    laval, scenes_wanted = args.format == "laval", args.count or 1
+    sequences = count * len(surrogate_datasets.laval_kinds(levels)) if laval else scenes_wanted
     with progress_bar(args.frames * sequences, args.format) as bar:
         options = surrogate_datasets.GenerationOptions(
             args.frames, args.difficulty, args.seed, photos, on_frame=lambda *_: bar.update()
@@ -152,7 +180,9 @@ def make_surrogate(args: argparse.Namespace, photos: list[Image] | None) -> None
             surrogate_datasets.write_laval_surrogate(args.output, objects, options, levels)
         else:
             # Another object in the middle of every scene.
-            turns = [[*objects][k % count :] + [*objects][: k % count] for k in range(args.count)]
+            turns = [
+                [*objects][k % count :] + [*objects][: k % count] for k in range(scenes_wanted)
+            ]
             scenes = [{name: objects[name] for name in names} for names in turns]
             surrogate_datasets.write_ycbv_surrogate(args.output, scenes, options)
 

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from .apart import check_apart, check_truth, given_paths
 from .camera_options import CAMERA_FILES, add_camera_options, camera_of
 from .common import (
     UNITS,
@@ -21,19 +22,26 @@ from .common import (
     add_untextured_option,
     add_verb,
     complaining,
-    given,
     make_tools,
     new_folder,
     versions,
     weights_facts,
 )
 from .earlier import clear_earlier
-from .journal import Journal
-from .messages import progress
-from .narrowing import add_narrowing_options, check_first, first_pose, is_narrowed, known_of
+from .journal import Journal, journal_file
+from .messages import note, progress
+from .narrowing import (
+    add_narrowing_options,
+    check_first,
+    first_pose,
+    is_narrowed,
+    known_of,
+)
 from .objects import load_meshes, object_names, painted, peek, read_starts, wants_paint
-from .reporting import check_apart, check_report, reporting, rerun_log
+from .reporting import check_report, check_rerun, reporting, rerun_log
 from .resuming import earlier_rows, going_on, numbered, track_facts
+from .settings import EVERYTHING, SettingsPart
+from .track_summary import track_records, track_summary, verdict
 
 if TYPE_CHECKING:
     from ..datasets.pose_files import PoseWriter
@@ -42,6 +50,22 @@ if TYPE_CHECKING:
     from ..geometry.camera import Camera
     from ..geometry.mesh import Mesh
     from ..geometry.pose import Pose
+
+# The settings that decide about a video: those for single images are not read, and the errors of
+# width and displacement decide about numbers that are not written.
+READ = SettingsPart(
+    EVERYTHING.names,
+    but=(
+        "loop.augment",
+        "loop.width_error",
+        "loop.displacement_error",
+        "multi_start.below",
+        "multi_start.around_start",
+        "multi_start.around_result",
+        "multi_start.rounds",
+        "single_image",
+    ),
+)
 
 DESCRIPTION = (
     """\
@@ -84,6 +108,8 @@ files written to --output:
 it was begun with (poses.csv.unfinished holds them until summary.json is written). The report shows
 the whole track; a video and a file for rerun hold the new frames and have the number of the first
 one in their names: overlay_000123.mp4.
+
+exit code 3 also says that no object was found in any frame.
 """
 )
 
@@ -126,7 +152,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
     parser.add_argument("--rerun", type=Path, metavar="FILE", help="write an .rrd for rerun")
     add_narrowing_options(parser, " of the first frame, instead of --start")
-    add_tracking_options(parser)
+    add_tracking_options(parser, part=READ)
     parser.set_defaults(run=run)
 
 
@@ -169,14 +195,14 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.video import Prefetched, is_live, open_frames
     from ..estimation import PoseDetector, PoseTracker, TemplateStore
     from ..estimation.detection import default_store
-    from ..evaluation.run_tracker import TrackSummary, calibrating, run_tracker
+    from ..evaluation.run_tracker import calibrating, run_tracker
     from .drawing import draw_step
 
     check_first(args)
     meshes = _meshes(args)
     starts, frames = _starts(args, meshes), open_frames(args.video)
     camera = camera_of(args, frames)
-    _check_pages(args, frames)
+    _check_files(args, frames)
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
     # What is live and read ahead would show the past.
@@ -195,15 +221,13 @@ def run(args: argparse.Namespace) -> int:
     tracker = PoseTracker(meshes, camera, starts, **tools)
     names = object_names(args.mesh)
     output = new_folder(args.output)
-    records = [TrackSummary() for _ in meshes]
     earlier = earlier_rows(output, args, setting.config, meshes[0].center)
+    records = track_records(len(meshes), earlier)
     movie_file, log_file = _numbered_files(output, args, len(earlier))
-    for row in earlier:
-        records[0].add_row(row)
     facts = track_facts(args, setting.config)
     with (
         Journal(output / "poses.csv", facts, resume=bool(earlier)) as journal,
-        _summary(output / "summary.json", records, names, args, setting, journal),
+        track_summary(records, names, args, setting, journal),
         reporting(args.report, _about(args), meshes[0], camera, frames, renderer, earlier) as page,
         PoseWriter(output / "poses.csv", track_columns(len(meshes)), resume=bool(earlier)) as table,
         _movie(movie_file, frames.fps) as movie,
@@ -211,9 +235,11 @@ def run(args: argparse.Namespace) -> int:
     ):
         watched = progress(ahead, frames.length, "track")
         exact = args.exact_start and setting.config.calibration.enabled
-        known = calibrating(tracker, watched) if exact else watched
+        known = calibrating(tracker, _first_seen(watched)) if exact else watched
         todo = going_on(tracker, known, earlier) if earlier else known
         steps = complaining(run_tracker(tracker, todo, names))
+        if not earlier:
+            steps = _replacing(steps, output, [movie_file, args.report, log_file])
         for step in _kept(steps, records, table, journal):
             if page is not None:
                 page.add(step)
@@ -221,7 +247,7 @@ def run(args: argparse.Namespace) -> int:
                 movie.write(draw_step(step, meshes, camera, renderer))
             if log is not None:
                 log.write(step.frame, step.row, step.error)
-    return _verdict(records, names, output)
+    return verdict(args, records, names)
 
 
 def _meshes(args: argparse.Namespace) -> list[Mesh]:
@@ -244,13 +270,23 @@ def _starts(args: argparse.Namespace, meshes: Sequence[Mesh]) -> list[Pose | Non
     return starts
 
 
-def _check_pages(args: argparse.Namespace, frames: FrameSource) -> None:
-    """`InputError` where --report or --rerun cannot be written, or would destroy a file."""
-    given_files = (args.camera, args.mask, args.points, args.weights)
-    read = [path for path in given_files if path is not None]
-    read += [*args.mesh, *(args.start or ()), Path(args.video), *getattr(frames, "paths", ())]
-    check_apart({"--report": args.report, "--rerun": args.rerun}, args.output, read)
+def _check_files(args: argparse.Namespace, frames: FrameSource) -> None:
+    """`InputError` where a file cannot be written, or would destroy another one."""
+    output, table = args.output, args.output / "poses.csv"
+    images = getattr(frames, "paths", [path for path in [Path(args.video)] if path.is_file()])
+    written = {
+        "--output": (
+            table, journal_file(table), output / "summary.json", output / "overlay.mp4",
+            *output.glob("overlay_*.mp4"),
+        ),
+        "--report": (args.report,),
+        "--rerun": (args.rerun,),
+    }  # fmt: skip
+    given_files = given_paths(args, "output", "report", "rerun")
+    check_apart(written, [*given_files, *images])
+    check_truth(output, images)
     check_report(args.report, frames)
+    check_rerun(args.rerun)
 
 
 def _sized(frames: Iterator[VideoFrame], camera: Camera) -> Iterator[VideoFrame]:
@@ -281,6 +317,24 @@ def _about(args: argparse.Namespace) -> dict[str, str]:
     }
 
 
+def _first_seen(frames: Iterable[VideoFrame]) -> Iterator[VideoFrame]:
+    """The same frames; a note where the first, which is to be calibrated from, cannot be read."""
+    for number, frame in enumerate(frames):
+        if number == 0 and frame.image is None:
+            note("--exact_start: the first frame cannot be read, so that nothing is calibrated.")
+        yield frame
+
+
+def _replacing(
+    steps: Iterable[TrackedFrame], output: Path, written: Sequence[Path | None]
+) -> Iterator[TrackedFrame]:
+    """The same steps; at the first an earlier track's files are removed, no sooner."""
+    for number, step in enumerate(steps):
+        if number == 0:
+            clear_earlier(output, written)
+        yield step
+
+
 def _kept(
     steps: Iterable[TrackedFrame],
     records: Sequence[TrackSummary],
@@ -297,77 +351,15 @@ def _kept(
         yield step
 
 
-@contextmanager
-def _summary(
-    path: Path,
-    records: Sequence[TrackSummary],
-    names: Sequence[str],
-    args: argparse.Namespace,
-    setting: Setting,
-    journal: Journal,
-) -> Iterator[None]:
-    """Write the summary when the block ends, however it ends, if there was a frame.
-
-    It says what the track goes by, too: the journal is not needed any more.
-    """
-    from ..io import write_json
-
-    interrupted = False
-    try:
-        yield
-    except KeyboardInterrupt:
-        interrupted = True
-        raise
-    finally:
-        if records[0].frames:
-            facts = records[0].facts()
-            if len(records) > 1:
-                objects = {name: one.facts() for name, one in zip(names, records, strict=True)}
-                facts = {"frames": records[0].frames, "objects": objects}
-            facts = {
-                **facts,
-                "interrupted": interrupted,
-                **weights_facts(args.weights),
-                "versions": versions(),
-                "config": setting.config.as_dict(),
-                "arguments": given(args),
-            }
-            write_json(path, facts)
-            journal.finish()
-
-
 def _numbered_files(
     output: Path, args: argparse.Namespace, first: int
 ) -> tuple[Path | None, Path | None]:
-    """The overlay and the file for rerun, those that are wanted, named for a track's first frame.
-
-    A track from frame 0 on removes what was there before.
-    """
+    """The overlay and the file for rerun, if wanted, named for a track's first frame."""
     movie = None if args.no_overlay else numbered(output / "overlay.mp4", first)
-    log = None if args.rerun is None else numbered(args.rerun, first)
-    if not first:
-        clear_earlier(output, [movie, args.report, log])
-    return movie, log
+    return movie, None if args.rerun is None else numbered(args.rerun, first)
 
 
 def _movie(path: Path | None, fps: float | None) -> AbstractContextManager[Any]:
     from ..visualization.video import VideoWriter
 
     return nullcontext() if path is None else VideoWriter(path, fps or 25.0)
-
-
-def _verdict(records: Sequence[TrackSummary], names: Sequence[str], output: Path) -> int:
-    if all(record.failed == record.frames for record in records):
-        failures = records[0].failures
-        first = failures[0]["error"] if failures else "there was no frame."
-        raise InputError(f"no frame could be tracked; the first says: {first}")
-    for record, name in zip(records, names, strict=True):
-        pace = record.facts()["median_milliseconds"] or 0.0
-        lost = record.states.get("lost", 0)
-        text = f"{record.frames} frames, {record.failed} failed, {pace:.0f} ms a frame"
-        if lost:
-            text += f", lost in {lost}"
-        elif record.lost_from is not None:
-            text += f", perhaps lost from frame {record.lost_from}"
-        print(f"{name}: {text}: {output}" if name else f"{text}: {output}")
-    return 0

@@ -9,7 +9,7 @@ to image; `visib_fract` counts the parts outside of the image as hidden.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +63,6 @@ class BopTarget:
     count: int | None
 
 
-@dataclass
 class BopDataset:
     """One split of a data set: `root/split/<scene>/…` and `root/models`.
 
@@ -72,16 +71,14 @@ class BopDataset:
     BOP.
     """
 
-    root: Path
-    split: str
-    sensor: str = ""
-    mesh_unit: Unit = "mm"
-    _scenes: dict[tuple[int, str], dict[str, Any]] = field(default_factory=dict, repr=False)
-    _meshes: dict[Path, Mesh] = field(default_factory=dict, repr=False)
-    _listed: dict[Path, dict[int, Path]] = field(default_factory=dict, repr=False)
-    _info: dict[str, Any] | None = field(default=None, repr=False)
-
-    def __post_init__(self) -> None:
+    def __init__(
+        self, root: str | Path, split: str, sensor: str = "", mesh_unit: Unit = "mm"
+    ) -> None:
+        self.root, self.split, self.sensor, self.mesh_unit = Path(root), split, sensor, mesh_unit
+        self._scenes: dict[tuple[int, str], dict[str, Any]] = {}
+        self._meshes: dict[Path, Mesh] = {}
+        self._listed: dict[Path, dict[int, Path]] = {}
+        self._info: dict[str, Any] | None = None
         if not self.root.is_dir():
             raise InputError(f"{self.root} is not a folder; a BOP data set was expected there.")
         if not (self.root / self.split).is_dir():

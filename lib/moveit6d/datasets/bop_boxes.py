@@ -20,8 +20,9 @@ Boxes = Mapping[tuple[int, int, int], list[Box]]  # by scene, image and object; 
 TRUTH = "truth"
 
 
-def read_boxes(path: Path) -> Boxes:
+def read_boxes(path: str | Path) -> Boxes:
     """A detector's boxes, those with the highest scores first; segmentations are not read."""
+    path = Path(path)
     scored: dict[tuple[int, int, int], list[tuple[float, Box]]] = {}
     for n, content in enumerate(read_json_list(path), 1):
         where = f"{path}: detection {n}"

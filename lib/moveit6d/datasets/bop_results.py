@@ -38,11 +38,12 @@ class Estimate:
     seconds: float = -1.0
 
 
-def read_results(path: Path) -> list[Estimate]:
+def read_results(path: str | Path) -> list[Estimate]:
     """All lines of a BOP result file in their order, the first of which may name the columns.
 
     An empty file is an `InputError`, and so is one whose translations are metres.
     """
+    path = Path(path)
     try:
         rows = list(csv.reader(read_text(path).splitlines()))
     except csv.Error as error:
@@ -70,9 +71,9 @@ def _check_unit(path: Path, found: list[Estimate]) -> None:
         )
 
 
-def write_results(path: Path, estimates: Iterable[Estimate]) -> None:
+def write_results(path: str | Path, estimates: Iterable[Estimate]) -> None:
     """Write a BOP result file, atomically, in the order given."""
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8") as file:
+    with replacing(Path(path)) as temporary, temporary.open("w", encoding="utf-8") as file:
         file.write(",".join(RESULT_HEADER) + "\n")
         for e in estimates:
             rotation = " ".join(f"{value:.10g}" for value in e.pose.rotation.reshape(9).tolist())

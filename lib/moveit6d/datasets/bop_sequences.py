@@ -18,7 +18,7 @@ from .video import first_size
 SPLITS = ("test", "test_primesense", "test_all", "val", "val_primesense", "train_real", "train")
 
 
-def read_bop_sequences(path: Path) -> list[Sequence]:
+def read_bop_sequences(path: str | Path) -> list[Sequence]:
     """The sequences of a split (`lmo/test`) or of a data set's test split (`lmo`).
 
     Named `000002.8` by scene and object, grouped by object. An object that occurs several times in
@@ -39,15 +39,17 @@ def read_bop_sequences(path: Path) -> list[Sequence]:
     return found
 
 
-def is_bop(path: Path) -> bool:
+def is_bop(path: str | Path) -> bool:
     """Whether a BOP data set or one of its splits lies at `path`."""
+    path = Path(path)
     return any(path.glob("[0-9]*/scene_camera*.json")) or any(
         path.glob("*/[0-9]*/scene_camera*.json")
     )
 
 
-def open_split(path: Path) -> BopDataset:
+def open_split(path: str | Path) -> BopDataset:
     """The split at `path`, or the test split of the data set there."""
+    path = Path(path)
     if any(path.glob("[0-9]*/scene_camera*.json")):
         return BopDataset(path.resolve().parent, path.resolve().name)
     there = [name for name in SPLITS if (path / name).is_dir()]

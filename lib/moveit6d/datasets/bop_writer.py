@@ -43,7 +43,7 @@ class BopImage:
 
 
 def write_bop(
-    root: Path, split: str, objects: Mapping[int, Mesh], images: Iterable[BopImage]
+    root: str | Path, split: str, objects: Mapping[int, Mesh], images: Iterable[BopImage]
 ) -> Path:
     """Write models (PLY, models_info.json), a split and test_targets_bop19.json; returns `root`.
 
@@ -51,6 +51,7 @@ def write_bop(
     and, of instances that have a box, `bbox_visib`: the rest belongs to masks. `InputError` for a
     camera with a lens, which `cam_K` cannot hold.
     """
+    root = Path(root)
     write_models(root / "models", objects)
     counts: dict[tuple[int, int, int], int] = {}
     scenes: dict[int, dict[str, dict[str, Any]]] = {}
@@ -73,8 +74,9 @@ def write_bop(
     return root
 
 
-def write_models(folder: Path, objects: Mapping[int, Mesh]) -> None:
+def write_models(folder: str | Path, objects: Mapping[int, Mesh]) -> None:
     """PLY files in millimetres and models_info.json with diameters, boxes and symmetries."""
+    folder = Path(folder)
     infos = {}
     for number, mesh in objects.items():
         write_ply(folder / f"obj_{number:06d}.ply", mesh, "mm")

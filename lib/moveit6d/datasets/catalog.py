@@ -56,8 +56,9 @@ def open_dataset(path: str | Path, kind: str | None = None) -> list[Sequence]:
         return FORMATS[kind][1](path)
 
 
-def recognise(path: Path) -> str:
+def recognise(path: str | Path) -> str:
     """Which kind of data set lies at `path`; `InputError` naming what was looked for."""
+    path = Path(path)
     for kind, (is_there, _, _) in FORMATS.items():
         if is_there(path):
             return kind

@@ -47,12 +47,13 @@ CAMERA_KEYS = ("focalX", "focalY", "centerX", "centerY", "width", "height")
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
-def read_laval(path: Path) -> list[Sequence]:
+def read_laval(path: str | Path) -> list[Sequence]:
     """The sequences below `path`, or the one that `path` is, in order of their names.
 
     `group` is `occlusion_15` for both `DOG_occlusion_h_15` and `DOG_occlusion_v_15` (the authors'
     figures merge them), `stability_near` …, `interaction_full` …; `object` is the object's name.
     """
+    path = Path(path)
     places = [path] if is_laval_sequence(path) else sorted(_folders(path))
     found = [_read(place) for place in places if is_laval_sequence(place)]
     if not found:
@@ -63,8 +64,9 @@ def read_laval(path: Path) -> list[Sequence]:
     return found
 
 
-def is_laval_sequence(folder: Path) -> bool:
+def is_laval_sequence(folder: str | Path) -> bool:
     """Whether a folder looks like one sequence of this data set."""
+    folder = Path(folder)
     return (folder / "poses.npy").is_file() and (folder / "camera.json").is_file()
 
 
@@ -80,8 +82,9 @@ def split_name(name: str) -> tuple[str, str]:
     return found["object"], f"occlusion_{number}" if kind == "occlusion" else kind
 
 
-def read_camera(path: Path) -> Camera:
+def read_camera(path: str | Path) -> Camera:
     """Camera of a camera.json with focalX, focalY, centerX, centerY, width, height, distortion."""
+    path = Path(path)
     content = read_json(path)
     missing = [key for key in CAMERA_KEYS if key not in content]
     if missing:
@@ -114,7 +117,7 @@ def to_opengl(poses: Pose) -> NDArray[np.float64]:
 
 
 def write_laval_sequence(
-    root: Path,
+    root: str | Path,
     name: str,
     mesh: Mesh,
     camera: Camera,
@@ -128,6 +131,7 @@ def write_laval_sequence(
     """
     from PIL import Image as Pillow
 
+    root = Path(root)
     item, _ = split_name(name)
     place = f"{root / name / 'camera.json'}: Laval's format"
     if camera.distortion_model != "opencv":

@@ -20,7 +20,7 @@ PLY_NAMES = {"f4": "float", "f8": "double", "u1": "uchar"}
 ROUNDING = 1e-6  # of the diameter: coarser numbers than this would bend the surface
 
 
-def write_ply(path: Path, mesh: Mesh, unit: Literal["m", "mm"] = "m") -> None:
+def write_ply(path: str | Path, mesh: Mesh, unit: Literal["m", "mm"] = "m") -> None:
     """A binary PLY that `Mesh.load(path, unit)` reads back, in the mesh's own frame.
 
     A texture goes beside it as PNG, named in a comment `TextureFile`, with `texture_u/v` a vertex
@@ -28,6 +28,7 @@ def write_ply(path: Path, mesh: Mesh, unit: Literal["m", "mm"] = "m") -> None:
     A plain grey mesh gets no colours; one flat colour is written, and read with `allow_flat`. Far
     from the frame's origin vertices are of double precision.
     """
+    path = Path(path)
     columns: list[tuple[str, str, NDArray[np.generic]]] = []
     points = _points(mesh) / METRES[unit]
     kind = "f4" if _single_is_enough(points, mesh.diameter / METRES[unit]) else "f8"
@@ -55,12 +56,13 @@ def write_ply(path: Path, mesh: Mesh, unit: Literal["m", "mm"] = "m") -> None:
         temporary.write_bytes(head.encode("ascii") + vertices.tobytes() + faces.tobytes())
 
 
-def write_obj(path: Path, mesh: Mesh, unit: Literal["m", "mm"] = "m") -> None:
+def write_obj(path: str | Path, mesh: Mesh, unit: Literal["m", "mm"] = "m") -> None:
     """An OBJ that `Mesh.load(path, unit)` reads back, in the mesh's own frame.
 
     A texture goes beside it with its MTL file; colours stand behind the vertices' coordinates. A
     plain grey mesh gets no colours; one flat colour is written, and read with `allow_flat`.
     """
+    path = Path(path)
     points = _points(mesh) / METRES[unit]
     digits = 9 if _single_is_enough(points, mesh.diameter / METRES[unit]) else 17
     lines = []

@@ -21,8 +21,9 @@ from typing import Any
 from ..checks import number, whole
 from ..errors import InputError
 from ..geometry.camera import Camera
+from ..geometry.camera_files import camera_content as camera_content
 from ..geometry.pose import FARTHEST, Pose, in_metres
-from ..io import check_writable, read_text, replacing, write_all, write_json
+from ..io import check_writable, read_text, replacing, write_all
 
 ROTATION_COLUMNS = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
 POSE_COLUMNS = (*ROTATION_COLUMNS, "tx", "ty", "tz")
@@ -61,28 +62,14 @@ def track_columns(objects: int) -> tuple[str, ...]:
     return (*TRACK_COLUMNS[:-1], "object", TRACK_COLUMNS[-1])
 
 
-def read_camera(path: Path) -> Camera:
+def read_camera(path: str | Path) -> Camera:
     """The camera of a file; see `Camera.load`."""
     return Camera.load(path)
 
 
-def write_camera(path: Path, camera: Camera) -> None:
-    """Write a camera.json that `read_camera` reads back exactly."""
-    write_json(path, camera_content(camera))
-
-
-def camera_content(camera: Camera) -> dict[str, Any]:
-    """What a camera.json holds of a camera."""
-    content: dict[str, Any] = {
-        key: getattr(camera, key) for key in ("fx", "fy", "cx", "cy", "width", "height")
-    }
-    if camera.distortion is not None:
-        content["distortion"] = list(camera.distortion)
-    if camera.distortion_model != "opencv":
-        content["distortion_model"] = camera.distortion_model
-    if camera.skew:
-        content["skew"] = camera.skew
-    return content
+def write_camera(path: str | Path, camera: Camera) -> None:
+    """Write a camera.json; see `Camera.save`."""
+    camera.save(path)
 
 
 class PoseWriter:
@@ -95,9 +82,9 @@ class PoseWriter:
     """
 
     def __init__(
-        self, path: Path, columns: Sequence[str] = TRACK_COLUMNS, resume: bool = False
+        self, path: str | Path, columns: Sequence[str] = TRACK_COLUMNS, resume: bool = False
     ) -> None:
-        self.path = path
+        self.path = Path(path)
         self.columns = tuple(columns)
         self.resume = resume
         self._file: io.FileIO | None = None
@@ -149,20 +136,24 @@ class PoseWriter:
 
 
 def write_poses(
-    path: Path, rows: Iterable[PoseRow], columns: Sequence[str] = TRACK_COLUMNS
+    path: str | Path, rows: Iterable[PoseRow], columns: Sequence[str] | None = None
 ) -> None:
-    """Write a whole poses.csv, atomically.
+    """Write a whole poses.csv, atomically; without `columns` those of a track.
+
+    That is with the column `object` where a row names one.
 
     Examples:
         >>> import torch
-        >>> from pathlib import Path
         >>> from moveit6d import Pose
         >>> pose = Pose(torch.eye(3), torch.tensor([0.0, 0.0, 0.5]))
-        >>> write_poses(Path("poses.csv"), [PoseRow(0, "a.png", pose), PoseRow(1, "b.png")])
-        >>> [row.pose is not None for row in read_poses(Path("poses.csv"))]
+        >>> write_poses("poses.csv", [PoseRow(0, "a.png", pose), PoseRow(1, "b.png")])
+        >>> [row.pose is not None for row in read_poses("poses.csv")]
         [True, False]
     """
-    with replacing(path) as temporary, temporary.open("wb") as file:
+    rows = list(rows)
+    if columns is None:
+        columns = track_columns(1 + any(row.object for row in rows))
+    with replacing(Path(path)) as temporary, temporary.open("wb") as file:
         file.write(_line(columns))
         for row in rows:
             file.write(_line([_cell(row, column) for column in columns]))
@@ -175,13 +166,15 @@ def _line(cells: Iterable[str]) -> bytes:
     return text.getvalue().encode("utf-8", errors="backslashreplace")
 
 
-def whole_lines(path: Path) -> str:
+def whole_lines(path: str | Path) -> str:
     """The text of a table without a last line that was not finished."""
-    text = read_text(path)
+    text = read_text(Path(path))
     return text[: text.rfind("\n") + 1]
 
 
-def read_poses(path: Path, text: str | None = None, center: Any = (0.0, 0.0, 0.0)) -> list[PoseRow]:
+def read_poses(
+    path: str | Path, text: str | None = None, center: Any = (0.0, 0.0, 0.0)
+) -> list[PoseRow]:
     """All rows of a poses.csv in the order of the file; other columns are ignored.
 
     Needs the columns frame, r11 … r33, tx, ty, tz. A row whose pose is empty or not finite has no
@@ -191,7 +184,7 @@ def read_poses(path: Path, text: str | None = None, center: Any = (0.0, 0.0, 0.0
     that gives it for an object's name and is called for far poses only.
     """
     middle = cache(center) if callable(center) else lambda _: center
-    lines = read_text(path) if text is None else text
+    lines = read_text(Path(path)) if text is None else text
     try:
         reader = csv.DictReader(io.StringIO(lines, newline=""), skipinitialspace=True)
         missing = [c for c in ("frame", *POSE_COLUMNS) if c not in (reader.fieldnames or ())]

@@ -36,8 +36,9 @@ SAME = 1e-5  # what published and written digits leave of a pose, metres
 HEAD = "r11\tr12\tr13\tr21\tr22\tr23\tr31\tr32\tr33\tt1\tt2\tt3"
 
 
-def read_rbot(path: Path) -> list[Sequence]:
+def read_rbot(path: str | Path) -> list[Sequence]:
     """One sequence an object and variant, named `cat.a_regular`, grouped by variant."""
+    path = Path(path)
     if not is_rbot(path):
         raise InputError(
             f"{path} holds no RBOT data: looked for {POSES} beside folders of objects with frames/."
@@ -54,13 +55,13 @@ def read_rbot(path: Path) -> list[Sequence]:
     return found
 
 
-def is_rbot(path: Path) -> bool:
+def is_rbot(path: str | Path) -> bool:
     """Whether RBOT's layout lies at `path`."""
-    return (path / POSES).is_file()
+    return (Path(path) / POSES).is_file()
 
 
 def write_rbot(
-    path: Path,
+    path: str | Path,
     name: str,
     mesh: Mesh,
     camera: Camera,
@@ -75,6 +76,7 @@ def write_rbot(
     """
     from PIL import Image as Pillow
 
+    path = Path(path)
     folder = path / name
     check_no_lens(camera, f"{path / CALIBRATION}: RBOT's format")
     check_no_skew(camera, f"{path / CALIBRATION}: RBOT's format")

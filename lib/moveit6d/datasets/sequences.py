@@ -8,8 +8,9 @@ row of the truth is the start.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..checks import file_name
@@ -26,6 +27,7 @@ MESH_NAMES = tuple(
     f"{stem}.{suffix}" for stem in ("mesh", "model") for suffix in ("glb", "ply", "obj", "stl")
 )
 VIDEO_NAMES = ("video.mp4", "video.avi", "video.mkv", "video.mov")
+VIDEO_FRAME = re.compile(r"#\d{6,}$")  # how `open_frames` calls the frames of a video
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,12 @@ class Sequence:
         stem, _, number = self.name.rpartition("_")
         return stem if stem and number.isdecimal() else self.name
 
+    @property
+    def image_names(self) -> list[str]:
+        """The image files' names in order, without suffix; empty where the frames are a video."""
+        listed = self.images if self.images is not None else _image_files(self.frames)
+        return [path.stem for path in listed]
+
     def load_mesh(self) -> Mesh:
         """The object's mesh, read anew at each call."""
         return Mesh.load(self.mesh, self.mesh_unit, self.symmetries, allow_flat=True)
@@ -74,12 +82,13 @@ class Sequence:
         return Prefetched(open_frames(self.frames) if listed is None else listed)
 
 
-def read_sequences(folder: Path) -> list[Sequence]:
+def read_sequences(folder: str | Path) -> list[Sequence]:
     """The sequence in `folder`, or all sequences in the folders in it, in order of their names.
 
     A folder with several objects gives one sequence an object. Folders that are no sequences are
     passed over; `InputError` if nothing is found.
     """
+    folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; it should hold sequences.")
     places = [folder] if is_sequence(folder) else sorted(p for p in folder.iterdir() if p.is_dir())
@@ -92,21 +101,22 @@ def read_sequences(folder: Path) -> list[Sequence]:
     return found
 
 
-def read_sequence(folder: Path) -> list[Sequence]:
+def read_sequence(folder: str | Path) -> list[Sequence]:
     """The sequences of one folder: one an object, most often exactly one."""
+    folder = Path(folder)
     rows = read_poses(
         folder / "poses.csv",
         center=lambda label: Mesh.load(_mesh(folder, label), allow_flat=True).center,
     )
     frames = _frames(folder)
-    names = [path.stem for path in getattr(open_frames(frames), "paths", [])]
+    names = [path.stem for path in _image_files(frames)]
     camera = read_camera(folder / "camera.json")
     found = []
     for label in dict.fromkeys(row.object for row in rows):
         if label:
             file_name(label, str(folder / "poses.csv"))
         where = f"{folder / 'poses.csv'}" + (f", object {label}" if label else "")
-        mine = by_frame(_placed((row for row in rows if row.object == label), names, where), where)
+        mine = by_frame(placed((row for row in rows if row.object == label), names, where), where)
         truth = {k: mine[k].pose for k in sorted(mine)}
         known = {frame: pose for frame, pose in truth.items() if pose is not None}
         if not known:
@@ -132,24 +142,37 @@ def read_sequence(folder: Path) -> list[Sequence]:
     return found
 
 
-def is_sequence(folder: Path) -> bool:
+def is_sequence(folder: str | Path) -> bool:
     """Whether a folder looks like a sequence folder."""
+    folder = Path(folder)
     if not ((folder / "camera.json").exists() and (folder / "poses.csv").exists()):
         return False
     return any((folder / name).exists() for name in ("frames", *VIDEO_NAMES))
 
 
-def _placed(rows: Iterable[PoseRow], names: list[str], where: str) -> Iterable[PoseRow]:
-    """Rows with their frame number turned into the position of their image in the video."""
+def placed(rows: Iterable[PoseRow], names: Iterable[str], where: str) -> Iterable[PoseRow]:
+    """Rows with their frame number turned into the position of their image among `names`.
+
+    These are image files' names without suffix. A row without an image, or with a video's frame
+    (`clip.mp4#000012`), keeps its number. `InputError` for an image that is not among them.
+    """
     place = {name: index for index, name in enumerate(names)}
     for row in rows:
         stem = Path(row.image).stem
-        if row.image and place:
-            if stem not in place:
-                raise InputError(f"{where}: image {row.image} is not among the frames.")
-            yield PoseRow(frame=place[stem], image=row.image, pose=row.pose)
-        else:
-            yield row
+        if stem in place:
+            row = replace(row, frame=place[stem])
+        elif row.image and place and not VIDEO_FRAME.search(row.image):
+            first, *_, last = (*place, *place)
+            raise InputError(
+                f"{where}: image {row.image} is not among the frames, {first} to {last}; the rows "
+                "must be of the same video."
+            )
+        yield row
+
+
+def _image_files(frames: Path) -> tuple[Path, ...]:
+    """The image files that frames are read from; none of a video."""
+    return tuple(getattr(open_frames(frames), "paths", ()))
 
 
 def _frames(folder: Path) -> Path:

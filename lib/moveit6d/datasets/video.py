@@ -39,7 +39,7 @@ AHEAD = 3  # frames that are read while another is worked on
 Image = NDArray[np.uint8]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class VideoFrame:
     """One frame: its number from 0, its name, and the RGB image (H, W, 3), or else `error`."""
 
@@ -110,13 +110,13 @@ def open_frames(source: str | Path | int) -> FrameSource:
     )
 
 
-def image_size(path: Path) -> tuple[int, int]:
+def image_size(path: str | Path) -> tuple[int, int]:
     """Width and height of an image, of which no more than the header is read."""
     with opened_image(path) as opened:
         return int(opened.size[0]), int(opened.size[1])
 
 
-def first_size(paths: Iterable[Path]) -> tuple[int, int]:
+def first_size(paths: Iterable[str | Path]) -> tuple[int, int]:
     """Width and height of the first image that can be opened; `InputError` if none of them can.
 
     So that a missing or damaged image is no more than a frame with an error.
@@ -130,7 +130,7 @@ def first_size(paths: Iterable[Path]) -> tuple[int, int]:
     raise first or InputError("There is no image to take the size from; give at least one.")
 
 
-def read_image(path: Path, depth: BitDepth | None = None) -> Image:
+def read_image(path: str | Path, depth: BitDepth | None = None) -> Image:
     """One image as RGB (H, W, 3); grey becomes RGB, other depths 8 bits (`image_depth`).
 
     `depth` is what other images of the same source have shown of its bits. `InputError` if it is
@@ -138,6 +138,7 @@ def read_image(path: Path, depth: BitDepth | None = None) -> Image:
     """
     from PIL import ImageOps
 
+    path = Path(path)
     with opened_image(path) as opened:
         deep = is_deep(opened)
         if deep:
@@ -146,10 +147,11 @@ def read_image(path: Path, depth: BitDepth | None = None) -> Image:
 
 
 @contextmanager
-def opened_image(path: Path) -> Iterator[Any]:
+def opened_image(path: str | Path) -> Iterator[Any]:
     """An image file, opened by Pillow; whatever goes wrong with it is an `InputError`."""
     from PIL import Image as Pillow
 
+    path = Path(path)
     Pillow.init()
     formats = [name for name in IMAGE_FORMATS if name in Pillow.OPEN]
     try:
@@ -183,8 +185,8 @@ class ImageList:
 
     fps: float | None = None
 
-    def __init__(self, paths: Iterable[Path]) -> None:
-        self.paths = tuple(paths)
+    def __init__(self, paths: Iterable[str | Path]) -> None:
+        self.paths = tuple(map(Path, paths))
         self.length: int | None = len(self.paths)
         self.depth = BitDepth()
 

@@ -52,12 +52,13 @@ META = ("cls_indexes", "poses", "intrinsic_matrix")
 POINTS = 2620  # evaluation points an object, as the published ones have
 
 
-def read_ycbv(path: Path, scenes: Iterable[int] | None = None) -> list[Sequence]:
+def read_ycbv(path: str | Path, scenes: Iterable[int] | None = None) -> list[Sequence]:
     """One sequence an object and scene, named `0048.035_power_drill`, grouped by object.
 
     `scenes` are those of keyframe.txt (the test set) where it is there, else all. `truth` holds
     every frame of the video in which the object occurs, `keyframes` those that are scored.
     """
+    path = Path(path)
     if not is_ycbv(path):
         raise InputError(_not_here(path))
     keyframes = read_keyframes(path)
@@ -77,13 +78,14 @@ def read_ycbv(path: Path, scenes: Iterable[int] | None = None) -> list[Sequence]
     return found
 
 
-def is_ycbv(path: Path) -> bool:
+def is_ycbv(path: str | Path) -> bool:
     """Whether YCB-Video's own layout lies at `path`."""
-    return next((path / "data").glob("*/*-meta.mat"), None) is not None
+    return next((Path(path) / "data").glob("*/*-meta.mat"), None) is not None
 
 
-def read_keyframes(path: Path) -> dict[int, list[int]]:
+def read_keyframes(path: str | Path) -> dict[int, list[int]]:
     """Numbers of the scored images (as in file names) by scene; empty without a keyframe.txt."""
+    path = Path(path)
     places = [path / "keyframe.txt", path / "image_sets" / "keyframe.txt"]
     file = next((place for place in places if place.is_file()), None)
     found: dict[int, list[int]] = {}
@@ -95,16 +97,17 @@ def read_keyframes(path: Path) -> dict[int, list[int]]:
     return found
 
 
-def object_names(path: Path) -> tuple[str, ...]:
+def object_names(path: str | Path) -> tuple[str, ...]:
     """Names of the classes 1, 2, …: image_sets/classes.txt, or the 21 published ones."""
-    file = path / "image_sets" / "classes.txt"
+    file = Path(path) / "image_sets" / "classes.txt"
     if not file.is_file():
         return OBJECTS
     return tuple(file_name(name, str(file)) for name in read_text(file).split())
 
 
-def read_meta(path: Path) -> dict[int, NDArray[np.float64]]:
+def read_meta(path: str | Path) -> dict[int, NDArray[np.float64]]:
     """The poses (3, 4) of one -meta.mat by class, metres."""
+    path = Path(path)
     content = _load(path, META[:2])
     classes = np.asarray(content["cls_indexes"]).reshape(-1).astype(np.int64)
     poses = np.asarray(content["poses"], np.float64)
@@ -118,7 +121,7 @@ def read_meta(path: Path) -> dict[int, NDArray[np.float64]]:
 
 
 def write_ycbv_scene(
-    path: Path,
+    path: str | Path,
     scene: int,
     objects: Mapping[int, Mesh],
     camera: Camera,
@@ -136,6 +139,7 @@ def write_ycbv_scene(
     from PIL import Image as Pillow
     from scipy.io import savemat
 
+    path = Path(path)
     place, count = path / "data" / f"{scene:04d}", 0
     check_no_lens(camera, f"{place}: YCB-Video's format")
     names = _shared_names(path, place, tuple(names))

@@ -19,7 +19,7 @@ from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
 from .contour_stage import refine_result
 from .final_confidence import with_both_confidences
-from .inputs import camera_of, meshes_of, policy_of, pose_of, renderer_of
+from .inputs import camera_of, config_of, meshes_of, policy_of, pose_of, renderer_of
 from .multi_start import refine_multi_start
 from .refine import once_more
 from .results import Refined, Start, Target, TrackingResult, starts_of
@@ -65,7 +65,8 @@ class PoseEstimator:
         config: TrackerConfig = DEFAULT,
         threads: int | None = 1,
     ) -> None:
-        self.mesh, self.camera, self.config = meshes_of([mesh])[0], camera_of(camera), config
+        self.mesh, self.camera = meshes_of([mesh])[0], camera_of(camera)
+        self.config = config_of(config)
         self.threads = checked_threads(threads)
         self.policy: Policy = policy_of(policy)
         self.renderer = renderer_of(renderer)

@@ -29,7 +29,7 @@ from .contour_stage import refine_result
 from .detection import PoseDetector, TemplateStore, can_search
 from .detection.instances import same_meshes
 from .half_turns import is_turned_over, refined_half_turns
-from .inputs import camera_of, meshes_of, policy_of, renderer_of, start_poses_of
+from .inputs import camera_of, config_of, meshes_of, policy_of, renderer_of, start_poses_of
 from .keyframes import Keyframe, KeyframeMemory
 from .multi_start import most_confident, recovery_starts, start_at, uses_multi_start
 from .recovery import Supervisor
@@ -124,7 +124,8 @@ class PoseTracker(Generic[Results]):
     ) -> None:
         self.single = isinstance(meshes, Mesh)
         self.meshes = meshes_of(meshes)
-        self.camera, self.config, self.threads = camera_of(camera), config, checked_threads(threads)
+        self.camera, self.config = camera_of(camera), config_of(config)
+        self.threads = checked_threads(threads)
         self.policy: Policy = policy_of(policy)
         self.renderer = renderer_of(renderer)
         self.store = store or TemplateStore()

@@ -14,11 +14,11 @@ from torch import Tensor
 
 from ..datasets.pose_files import PoseRow
 from ..datasets.sequences import Sequence
-from ..errors import InputError
 from ..geometry.pose import Pose
 from .metrics import ADD_LIMIT
 from .protocols import is_given
-from .track_scores import EvaluationPoints, Score, frame_errors, read_track, score
+from .track_files import read_tracks
+from .track_scores import EvaluationPoints, Score, frame_errors, score
 
 
 def scored_truth(
@@ -27,16 +27,32 @@ def scored_truth(
     """The true poses that a track is scored against: the first, and those of the frames that count.
 
     Only the sequence's keyframes count, where it has any; frames whose pose a protocol gave count
-    only with `count_resets`, as their error is 0 by definition.
+    only with `count_resets`, as their error is 0 by definition. A track that says of which images
+    it is may be of the later part of the sequence: it is scored from its first row on.
     """
     keys, given = sequence.keyframes, {frame for frame, row in rows.items() if is_given(row)}
-    first = min(sequence.truth)
+    begin = min(rows) if any(row.image for row in rows.values()) else 0
+    truth = {frame: pose for frame, pose in sequence.truth.items() if frame >= begin}
+    first = min(truth, default=begin)
     return {
         frame: pose
-        for frame, pose in sequence.truth.items()
+        for frame, pose in truth.items()
         if frame == first
         or ((keys is None or frame in keys) and (count_resets or frame not in given))
     }
+
+
+def gaps(sequence: Sequence, rows: Mapping[int, PoseRow]) -> list[str]:
+    """What is to be known of a track that does not have a row for every frame with a true pose."""
+    truth = scored_truth(sequence, rows, count_resets=True)
+    before = sum(frame < min(truth, default=0) for frame in sequence.truth)
+    absent = len(truth.keys() - rows.keys())
+    said = []
+    if before:
+        said.append(f"its track begins with frame {min(rows)}; the frames before are not scored")
+    if absent:
+        said.append(f"{absent} of {len(truth)} frames have no row in its track and count as wrong")
+    return said
 
 
 def score_track(
@@ -52,40 +68,27 @@ def score_track(
 
 
 def score_results(
-    sequences: Iterable[Sequence], path: Path, count_resets: bool = False
+    sequences: Iterable[Sequence], path: str | Path, count_resets: bool = False
 ) -> dict[str, Score]:
     """The figures of the results at `path` by sequence; sequences without a result are left out.
 
-    `path` is a folder of <sequence>.csv or <sequence>/poses.csv or, for one sequence, one file.
-    `count_resets` counts frames whose pose was given, too.
+    `path` is what `read_tracks` knows. `count_resets` counts frames whose pose was given, too.
     """
-    listed = list(sequences)
-    if not path.exists():
-        raise InputError(f"{path} does not exist; it should hold results to score.")
-    if path.is_file() and len(listed) > 1:
-        raise InputError(f"{path} is one track, but there are {len(listed)} sequences.")
     scores = {}
-    for sequence in listed:
-        file = _track_of(path, sequence.name)
-        if file is None:
-            continue
-        found = score_track(sequence, read_track(file, sequence.load_mesh), count_resets)
+    for sequence, rows in read_tracks(sequences, path):
+        found = score_track(sequence, rows, count_resets)
         if found is not None:
             scores[sequence.name] = found
     return scores
 
 
-def confidences(sequences: Iterable[Sequence], path: Path) -> tuple[Tensor, Tensor]:
+def confidences(sequences: Iterable[Sequence], path: str | Path) -> tuple[Tensor, Tensor]:
     """Confidences (N,) of all scored frames with a pose of the results at `path`, and which (N,)
     are right: ADD(-S) below 10 % of the diameter.
     """
     found: list[float] = []
     right: list[bool] = []
-    for sequence in sequences:
-        file = _track_of(path, sequence.name)
-        if file is None:
-            continue
-        rows = read_track(file, sequence.load_mesh)
+    for sequence, rows in read_tracks(sequences, path):
         surface = EvaluationPoints.of(sequence.load_mesh(), symmetric=sequence.symmetric)
         for error in frame_errors(rows, scored_truth(sequence, rows), surface):
             row = rows.get(error.frame)
@@ -93,9 +96,3 @@ def confidences(sequences: Iterable[Sequence], path: Path) -> tuple[Tensor, Tens
                 found.append(row.confidence)
                 right.append(error.add < ADD_LIMIT * surface.diameter)
     return torch.tensor(found), torch.tensor(right)
-
-
-def _track_of(path: Path, name: str) -> Path | None:
-    """The file of a sequence's track among results; None if there is none."""
-    places = [path] if path.is_file() else [path / f"{name}.csv", path / name / "poses.csv"]
-    return next((place for place in places if place.exists()), None)

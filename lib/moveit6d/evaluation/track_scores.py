@@ -141,7 +141,7 @@ def score(
     )
 
 
-def read_track(path: Path, mesh: Callable[[], Mesh] | None = None) -> dict[int, PoseRow]:
+def read_track(path: str | Path, mesh: Callable[[], Mesh] | None = None) -> dict[int, PoseRow]:
     """A track's rows by frame: a poses.csv of `moveit6d track` or a benchmark result.
 
     `mesh` loads the object's mesh, which is needed where its file's origin is far from it.

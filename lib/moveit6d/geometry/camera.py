@@ -74,6 +74,18 @@ class Camera:
 
         return read_camera_file(Path(path))
 
+    def save(self, path: str | Path) -> None:
+        """Write a camera.json that `load`, and `--camera` on the command line, read back exactly.
+
+        >>> camera = Camera.from_matrix([[600, 0, 320], [0, 610, 240], [0, 0, 1]], 640, 480)
+        >>> camera.save("camera.json")
+        >>> Camera.load("camera.json") == camera
+        True
+        """
+        from .camera_files import write_camera_file
+
+        write_camera_file(Path(path), self)
+
     @staticmethod
     def from_matrix(
         matrix: Any,

@@ -1,4 +1,4 @@
-"""Reads cameras as others write them: ROS camera_info, OpenCV, RealSense, Kalibr, and our JSON.
+"""Reads cameras as others write them: ROS camera_info, OpenCV, RealSense, Kalibr; writes our JSON.
 
 Never guesses: a key that it does not know, or two that contradict each other, is an error that
 names it. What stands in a file under which name is `camera_keys`'s.
@@ -14,7 +14,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from ..errors import InputError
-from ..io import read_text
+from ..io import read_text, write_json
 from .camera import Camera, with_possible_picture
 from .camera_keys import camera_of
 
@@ -56,6 +56,25 @@ def read_camera_file(path: Path) -> Camera:
             "its width and height, millimetres converted to pixels."
         )
     return camera
+
+
+def write_camera_file(path: Path, camera: Camera) -> None:
+    """Write our JSON, which `read_camera_file` reads back exactly."""
+    write_json(path, camera_content(camera))
+
+
+def camera_content(camera: Camera) -> dict[str, Any]:
+    """What our JSON holds of a camera."""
+    content: dict[str, Any] = {
+        key: getattr(camera, key) for key in ("fx", "fy", "cx", "cy", "width", "height")
+    }
+    if camera.distortion is not None:
+        content["distortion"] = list(camera.distortion)
+    if camera.distortion_model != "opencv":
+        content["distortion_model"] = camera.distortion_model
+    if camera.skew:
+        content["skew"] = camera.skew
+    return content
 
 
 def _text(path: Path) -> str:

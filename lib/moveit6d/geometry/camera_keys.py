@@ -18,13 +18,13 @@ from ..errors import InputError
 from .camera import Camera
 from .lens import COUNTS, DistortionModel
 
-# Each value and the names it goes by: ours first, then ROS', OpenCV's, RealSense's, Kalibr's, M3T's
-# and nerfstudio's.
+# Each value and the names it goes by: ours first, then ROS', OpenCV's, RealSense's, Kalibr's,
+# M3T's, nerfstudio's and Laval's.
 NAMES: dict[str, tuple[str, ...]] = {
     "fx": ("fx", "f_x", "focal_x", "focal_length_x", "fl_x", "f_u", "alpha_x"),
     "fy": ("fy", "f_y", "focal_y", "focal_length_y", "fl_y", "f_v", "alpha_y"),
-    "cx": ("cx", "c_x", "ppx", "pp_x", "principal_point_x", "u0"),
-    "cy": ("cy", "c_y", "ppy", "pp_y", "principal_point_y", "v0"),
+    "cx": ("cx", "c_x", "ppx", "pp_x", "principal_point_x", "u0", "center_x", "centre_x"),
+    "cy": ("cy", "c_y", "ppy", "pp_y", "principal_point_y", "v0", "center_y", "centre_y"),
     "skew": ("skew", "axis_skew"),
     "width": ("width", "image_width", "img_width", "w", "calib_image_width"),
     "height": ("height", "image_height", "img_height", "h", "calib_image_height"),
@@ -78,6 +78,8 @@ def camera_of(content: Mapping[str, Any]) -> Camera:
     _complete(found)
     width, height = _size(found)
     k = _matrix(found)
+    if "size" in found:
+        _check_width_first(width, height, k)
     model = _model(found)
     distortion, fisheye = _distortion(found, model)
     return Camera(
@@ -201,6 +203,19 @@ def _size(found: Mapping[str, Any]) -> tuple[Any, Any]:
             raise InputError(f"{name} is {size:g} in one place and {listed:g} in another.")
         sizes.append(size)
     return sizes[0], sizes[1]
+
+
+def _check_width_first(width: float, height: float, k: list[list[float]]) -> None:
+    """`InputError` for a pair of sizes that the principal point shows to be height and width."""
+    cx, cy = k[0][2], k[1][2]
+    turned = abs(cx - (height - 1) / 2) + abs(cy - (width - 1) / 2)  # from the other middle
+    if turned < abs(width - height) / 4:
+        raise InputError(
+            f"the image size {width:g}, {height:g} is read as width and height, but the principal "
+            f"point {cx:g}, {cy:g} is the middle of {height:g}×{width:g}; if the height comes "
+            f'first, as in MegaPose\'s files, give "width": {height:g}, "height": {width:g} '
+            "instead."
+        )
 
 
 def _matrix(found: Mapping[str, Any]) -> list[list[float]]:

@@ -21,6 +21,7 @@ from torch import Tensor
 
 from ..config import TextureConfig
 from ..errors import InputError
+from ..typing import ImageLike
 from .camera import Camera
 from .half_turn import half_turns
 from .hull import convex_hull
@@ -180,13 +181,13 @@ class Mesh:
         return colours is not None and bool((colours != colours[:1]).any())
 
     def textured_from(
-        self, image: NDArray[np.uint8], pose: Pose, camera: Camera, config: TextureConfig = TEXTURE
+        self, image: ImageLike, pose: Pose, camera: Camera, config: TextureConfig = TEXTURE
     ) -> Mesh:
         """This mesh painted with what an image shows of it, for a mesh without colours.
 
-        `image` (H, W, 3) is RGB uint8 without lens distortion, `pose` object → camera in the mesh
-        file's frame, metres. The sides that are not seen take the mean colour. Raises `InputError`
-        if too little is seen.
+        `image` (H, W, 3) is RGB without lens distortion, uint8 or floating point in [0, 1], `pose`
+        object → camera in the mesh file's frame, metres. The sides that are not seen take the mean
+        colour. Raises `InputError` if the image does not fit the camera or too little is seen.
         """
         from .projected_texture import paint
 

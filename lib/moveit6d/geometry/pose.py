@@ -30,12 +30,14 @@ FARTHEST = 100.0
 HOLDS = 'a pose file holds {"rotation": 3x3, "translation": [x, y, z]}, metres, or a 4x4 matrix'
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Pose:
     """Object → camera, OpenCV axes (x right, y down, z forward), metres: X_cam = R X_obj + t.
 
     `rotation` (..., 3, 3) and `translation` (..., 3) share their leading (batch) shape. Values are
-    taken as they are, so that gradients flow; for numbers from outside use `Pose.checked`.
+    taken as they are, so that gradients flow; for numbers from outside use `Pose.checked`. Two
+    poses are equal only if they are the same object: whether numbers are near is the caller's to
+    say.
     """
 
     rotation: Tensor
@@ -79,10 +81,7 @@ class Pose:
         >>> Pose.from_quaternion([0, 0, 0, 1], [0, 0, 0.5], order="xyzw")
         Pose(translation=[0.0000, 0.0000, 0.5000] m, rotation=[0.00, 0.00, 0.00] deg)
         """
-        if order not in ("xyzw", "wxyz"):
-            raise InputError(
-                f"Pose.from_quaternion: the order is {order!r}, must be 'xyzw' or 'wxyz'."
-            )
+        _check_order(order, "Pose.from_quaternion")
         q = _numbers(quaternion, "Pose.from_quaternion", "quaternion")
         if q.shape[-1:] == (1,) and q.shape[-2:-1] == (4,):
             q = q[..., 0]
@@ -220,6 +219,7 @@ class Pose:
 
     def quaternion(self, order: Literal["xyzw", "wxyz"]) -> Tensor:
         """Unit quaternions (..., 4), the real part not negative; see `from_quaternion`."""
+        _check_order(order, "Pose.quaternion")
         wxyz = to_quaternion(self.rotation)
         return wxyz.roll(-1, -1) if order == "xyzw" else wxyz
 
@@ -244,6 +244,11 @@ class Pose:
     def detach(self) -> Pose:
         """The same numbers without their gradient."""
         return Pose(self.rotation.detach(), self.translation.detach())
+
+
+def _check_order(order: str, where: str) -> None:
+    if order not in ("xyzw", "wxyz"):
+        raise InputError(f"{where}: the order is {order!r}, must be 'xyzw' or 'wxyz'.")
 
 
 def _numbers(values: Any, where: str, name: str) -> Tensor:

@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 
 from ..config import TextureConfig
 from ..errors import InputError
+from ..typing import ImageLike
 from .camera import Camera
+from .images import rgb_bytes
+from .inputs import camera_of, pose_of
 from .pose import Pose
 
 if TYPE_CHECKING:
@@ -30,18 +33,20 @@ DEFAULT = TextureConfig()
 
 def paint(
     mesh: Mesh,
-    image: NDArray[np.uint8],
+    image: ImageLike,
     pose: Pose,
     camera: Camera,
     config: TextureConfig = DEFAULT,
 ) -> Mesh:
-    """A copy of a mesh with the colours that an image (H, W, 3) uint8 shows at a pose.
+    """A copy of a mesh with the colours that an image (H, W, 3) shows at a pose.
 
     `pose` is the mesh file's frame; the image has no lens distortion. Sides that are not seen take
-    the mean colour. `InputError` if too little of the object is seen.
+    the mean colour. `InputError` for what is no image of the camera (`images`) and no pose
+    (`inputs`), and if too little of the object is seen.
     """
     from .mesh import Mesh
 
+    picture, pose = rgb_bytes(image, camera_of(camera)), pose_of(pose, "The pose")
     vertices, faces = _divided(mesh, config)
     centred = mesh.inner(pose.to(torch.float64))
     rotation, shift = centred.rotation.numpy(), centred.translation.numpy()
@@ -61,7 +66,7 @@ def paint(
             f"{mesh.name}: the camera sees too little of it at this pose to take its colours; "
             "check the pose and the camera."
         )
-    return _textured(Mesh, mesh, image, vertices, faces, pixels, seen, facing)
+    return _textured(Mesh, mesh, picture, vertices, faces, pixels, seen, facing)
 
 
 def _divided(mesh: Mesh, config: TextureConfig) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

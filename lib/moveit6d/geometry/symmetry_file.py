@@ -8,6 +8,7 @@ BOP), and for `obj_000005.ply` in a `models_info.json` of the same folder too.
 from __future__ import annotations
 
 import re
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,10 @@ def write_symmetries(mesh: Path, symmetries: Symmetries) -> None:
 
 
 def _declared(info: dict[str, Any], path: Path) -> Symmetries:
+    for key in info:
+        if key.casefold().startswith("sym") and key not in KEYS:  # would be none without a word
+            near = get_close_matches(key, KEYS, 1, 0)[0]
+            raise InputError(f"{path}: there is no key {key!r}; did you mean {near!r}?")
     try:
         return Symmetries.from_bop(info).closed()
     except InputError as error:

@@ -58,6 +58,18 @@ def why_unseen(pose: Pose, mesh: Mesh, camera: Camera) -> str | None:
     return None
 
 
+def seen_box(pose: Pose, mesh: Mesh, camera: Camera) -> tuple[float, float, float, float]:
+    """Left, top, right and bottom of a mesh at a centred pose (unbatched) that the camera can see.
+
+    Of its convex hull, pixels, within about 3 %, and not cut off at the image's edges.
+    """
+    rotation, place = pose.rotation.detach().cpu().numpy(), pose.translation.detach().cpu().numpy()
+    corners = _Body.of(mesh).corners @ rotation.T + place
+    pixels = _pixels(_in_front(corners, NEAR * mesh.sphere_diameter), camera)
+    (left, top), (right, bottom) = pixels.min(0), pixels.max(0)
+    return float(left), float(top), float(right), float(bottom)
+
+
 class _Body:
     """The corners of a convex body around a mesh, and its sides."""
 

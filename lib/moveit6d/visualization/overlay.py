@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 from ..datasets.video import Image
 from ..geometry.camera import Camera
 from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE, look_at
+from ..geometry.images import rgb_bytes
+from ..geometry.inputs import camera_of, pose_of
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..rendering.backends import make_renderer
 from ..rendering.renderer import Renderer
+from ..typing import ImageLike
 
 GREEN = (40, 255, 80)
 RED = (255, 60, 60)
@@ -55,7 +58,7 @@ def outlines(mesh: Mesh, pose: Pose, camera: Camera, renderer: Renderer) -> list
 
 
 def draw_pose(
-    image: Image,
+    image: ImageLike,
     mesh: Mesh,
     pose: Pose,
     camera: Camera,
@@ -66,14 +69,15 @@ def draw_pose(
 ) -> Image:
     """A copy of the RGB frame (H, W, 3) with the object's contour and, at its centre, its axes.
 
-    `pose` is in the mesh file's frame; `renderer` is embree if None.
+    `pose` is in the mesh file's frame; `renderer` is embree if None. The copy is uint8, whatever
+    kind of image it is of. `InputError` for an image that is not the camera's, and for no pose.
     """
     import cv2
 
     renderer = make_renderer() if renderer is None else renderer
-
-    picture = np.ascontiguousarray(image).copy()
-    width = max(1, round(min(image.shape[:2]) / 300))
+    picture = np.array(rgb_bytes(image, camera_of(camera)), order="C")
+    pose = pose_of(pose, "The pose")
+    width = max(1, round(min(picture.shape[:2]) / 300))
     for closed in outlines(mesh, pose, camera, renderer):
         cv2.polylines(picture, [closed], True, color, width, cv2.LINE_AA, _SHIFT)
     if axes:

@@ -27,7 +27,7 @@ STYLE: dict[Any, Any] = {
 COLORS = ("#1f6fb4", "#e07b00", "#4f4f4f", "#a9a9a9", "#2a9d5c", "#b03060")
 
 
-def draw(chart: Chart, folder: Path, data: str = "") -> list[Path]:
+def draw(chart: Chart, folder: str | Path, data: str = "") -> list[Path]:
     """Write NAME.png and NAME.svg of a chart; the paths written. Each file appears whole.
 
     `data` says under the chart what our figures were taken on: a chart travels without its page.
@@ -38,7 +38,7 @@ def draw(chart: Chart, folder: Path, data: str = "") -> list[Path]:
         figure = _figure(chart)
         if data:
             figure.supxlabel(f"ours: {data}", fontsize=7, color="#666666")
-        written = [folder / f"{chart.name}.{kind}" for kind in KINDS]
+        written = [Path(folder) / f"{chart.name}.{kind}" for kind in KINDS]
         for path in written:
             # An SVG has its date in it unless told otherwise; a PNG has none.
             facts = {"Date": None} if path.suffix == ".svg" else None

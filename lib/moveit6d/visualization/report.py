@@ -101,10 +101,10 @@ class Run:
         return not self.confident(frame)
 
 
-def write_report(path: Path, run: Run, renderer: Renderer) -> None:
+def write_report(path: str | Path, run: Run, renderer: Renderer) -> None:
     """Write the page, atomically. `InputError` if there is no frame or it cannot be written."""
     text = report_page(run, renderer)
-    with replacing(path) as temporary:
+    with replacing(Path(path)) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 

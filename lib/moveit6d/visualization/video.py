@@ -15,19 +15,21 @@ from typing import Any
 
 import numpy as np
 
-from ..datasets.video import Image
 from ..errors import InputError
+from ..geometry.images import rgb_bytes
 from ..io import replacing
+from ..typing import ImageLike
 
 CODECS = ("libx264", "mpeg4")  # the first that this machine's PyAV can write
 QUALITY = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"q:v": "3"}}
 
 
 class VideoWriter:
-    """An mp4 in the making: use as a context manager and `write` RGB frames (H, W, 3) uint8.
+    """An mp4 in the making: use as a context manager and `write` RGB frames (H, W, 3).
 
-    The first frame sets the size (made even by dropping a row or column); later ones of another
-    size are scaled to it. A block that wrote no frame leaves no file.
+    Every kind of image that `prepare_frame` takes will do. The first frame sets the size (made even
+    by dropping a row or column); later ones of another size are scaled to it. A block that wrote no
+    frame leaves no file.
     """
 
     def __init__(self, path: str | Path, fps: float = 25.0) -> None:
@@ -43,14 +45,15 @@ class VideoWriter:
         self._temporary = self._place.__enter__()
         return self
 
-    def write(self, image: Image) -> None:
-        """Append one frame."""
+    def write(self, image: ImageLike) -> None:
+        """Append one frame; `InputError` for what is no image."""
         import av
 
+        pixels = rgb_bytes(image)
+        even = np.ascontiguousarray(pixels[: pixels.shape[0] // 2 * 2, : pixels.shape[1] // 2 * 2])
         if self._container is None:
-            self._open(image.shape[1] // 2 * 2, image.shape[0] // 2 * 2)
+            self._open(even.shape[1], even.shape[0])
         width, height = self._stream.width, self._stream.height
-        even = np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
         picture = av.VideoFrame.from_ndarray(even, format="rgb24")
         if (picture.width, picture.height) != (width, height):
             picture = picture.reformat(width=width, height=height)

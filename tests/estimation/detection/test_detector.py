@@ -13,8 +13,14 @@ from torch import Tensor
 
 from moveit6d import InputError, OraclePolicy, Pose
 from moveit6d.config import DetectorConfig, RegionConfig, TemplateConfig, TrackerConfig
-from moveit6d.estimation.detection import PoseDetector, TemplateStore, detect_objects
+from moveit6d.estimation.detection import (
+    PoseDetector,
+    SearchRegion,
+    TemplateStore,
+    detect_objects,
+)
 from moveit6d.estimation.detection.places import Place, PlaceFinder
+from moveit6d.estimation.detection.proposals import Proposals
 from moveit6d.estimation.detection.templates import TemplateBank
 from moveit6d.evaluation.metrics import add
 from moveit6d.networks.compact import CompactCorrelationNet
@@ -169,6 +175,24 @@ def test_preparing_and_several_objects_take_the_detectors_own_threads(
     assert counted == sorted(counted) and set(counted) == {1, 2}
 
 
+def test_what_is_found_agrees_with_what_is_known(
+    seen: Picture, detector: PoseDetector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = seen.pose.matrix.numpy()
+    assert off(seen, detector.detect(seen.image, start=start).pose) < 0.05
+    near = 0.5 * float(seen.mesh.inner(seen.pose).translation.norm())
+    far = (2 * near * 1.3 + seen.mesh.sphere_diameter, 9.0)
+    assert not detector.detect(seen.image, distance=far).found
+    # Candidates that drift to the object from elsewhere are not what was asked for.
+    monkeypatch.setattr(Proposals, "_allowed", lambda _: None)
+    monkeypatch.setattr(SearchRegion, "window", lambda *_: None)
+    monkeypatch.setattr(SearchRegion, "widths", lambda *_: (60.0, 120.0))
+    assert detector.detect(seen.image, distance=(0.3, 0.5)).found
+    for known in ({"distance": far}, {"box": (0.0, 180.0, 60.0, 60.0)}):
+        found = detector.detect(seen.image, **known)  # type: ignore[arg-type]
+        assert not found.found and (found.best is None or off(seen, found.best.pose) > 0.5)
+
+
 def test_what_cannot_be_used_is_refused(seen: Picture, detector: PoseDetector) -> None:
     with pytest.raises(InputError, match="no descriptors"):
         PoseDetector(seen.mesh, pictures.CAMERA, policy=OraclePolicy(Pose.identity(1)))
@@ -176,6 +200,15 @@ def test_what_cannot_be_used_is_refused(seen: Picture, detector: PoseDetector) -
         detector.detect(np.zeros((10, 10, 3), np.uint8))
     with pytest.raises(InputError, match="behind the camera"):
         detector.detect(seen.image, start=Pose.identity())
+    with pytest.raises(InputError, match=r"Pose or a 4×4 matrix.*shape \(3, 3\)"):
+        detector.detect(seen.image, start=np.eye(3))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="start pose and box 0 200 40 40 contradict each other"):
+        detector.detect(seen.image, start=seen.pose, box=(0, 200, 40, 40))
+    for instances, words in ((0, "1 or more, found 0"), (1.5, "whole number"), ("2", "a number")):
+        with pytest.raises(InputError, match=f"^instances must be {words}|^instances must be a"):
+            detector.detect(seen.image, instances=instances)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="config must be a TrackerConfig, found DetectorConfig"):
+        PoseDetector(seen.mesh, pictures.CAMERA, config=DetectorConfig())  # type: ignore[arg-type]
 
 
 def test_templates_are_those_of_the_numbers_that_a_network_computes_with(

@@ -98,8 +98,11 @@ def test_what_cannot_be_right_is_refused(tmp_path: Path) -> None:
         read_points(path, "m")
     with pytest.raises(InputError, match="does not exist"):
         read_points(tmp_path / "none.csv", "m")
-    with pytest.raises(InputError, match="at least 4 rows"):
-        poses_from_points(np.zeros((3, 5)), CAMERA)
+    for few in (np.zeros((3, 5)), np.zeros((4, 4)), np.full((4, 5), np.nan)):
+        with pytest.raises(InputError, match="at least 4 rows"):
+            poses_from_points(few, CAMERA)
+    with pytest.raises(InputError, match="must be rows of numbers, found 'points"):
+        poses_from_points("points.csv", CAMERA)
     line = np.hstack([np.full((5, 2), 100.0), np.arange(5)[:, None] * [[0.1, 0, 0]]])
     with pytest.raises(InputError, match="no pose in front"):
         poses_from_points(line, CAMERA)
@@ -116,13 +119,34 @@ def test_decimal_commas_of_a_table_program(tmp_path: Path, mark: str, heading: s
     assert read_points(path, "m").tolist() == [[10.5, 20, 0.1, 0, -0.05], [11, 2.25, 0, 0, 0.007]]
 
 
+def test_points_beside_the_surface_are_warned_of(
+    brick: Mesh, caplog: pytest.LogCaptureFixture
+) -> None:
+    places = np.concatenate([brick.vertices[::9] + brick.center, brick.sample_points(20, seed=5)])
+    rows = np.hstack([np.zeros((len(places), 2)), places])
+    check_points(rows, brick)
+    check_points(rows + [0, 0, 0.03 * brick.diameter, 0, 0], brick)  # as careful as people click
+    assert not caplog.records
+    rows[7, 4] += 0.2 * brick.diameter
+    check_points(rows, brick)
+    (record,) = caplog.records
+    assert record.levelname == "WARNING"
+    said = record.getMessage()
+    assert "number 8 (" in said and "moveit6d doctor --mesh" in said
+    caplog.clear()
+    from_a_corner = rows - [0, 0, *(brick.vertices.min(0) + brick.center)]
+    check_points(from_a_corner, brick)
+    assert len(caplog.records) == 1
+
+
 def test_points_that_lie_off_the_mesh_are_refused(brick: Mesh) -> None:
     places = brick.vertices[::9].astype(float) + brick.center
     rows = np.hstack([np.zeros((len(places), 2)), places])
     check_points(rows, brick)
     half = rows + np.array([0, 0, brick.diameter / 2, 0, 0])  # a click beside it
     check_points(half, brick)
-    check_points(rows[:3], brick)  # too few: that is said elsewhere
+    with pytest.raises(InputError, match=r"at least 4 rows .*shape \(3, 5\)"):
+        check_points(rows[:3], brick)
     for factor in (1000, 100, 10):
         with pytest.raises(InputError, match=r"lie up to .* m from a mesh 0\.\d+ m across"):
             check_points(rows * factor, brick)

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import torch
 
+from ...checks import whole
 from ...config import ActionMode, SeedDetectorConfig, TrackerConfig
 from ...errors import InputError
 from ...frame import Frame, prepare_frame
@@ -24,15 +25,15 @@ from ...threads import checked_threads, limited_threads, with_own_threads
 from ...typing import ImageLike
 from ..contour_stage import refine_result
 from ..half_turns import half_turned
-from ..inputs import camera_of, meshes_of, policy_of, pose_of, renderer_of
+from ..inputs import camera_of, config_of, meshes_of, policy_of, pose_of, renderer_of
 from ..refine import refine_starts
 from ..results import Refined, Start
 from ..seed_detector import SeedDetection, SeedDetector
 from ..seeding import seed_poses
-from ..visibility import check_start, start_problem
+from ..visibility import start_problem
+from .agreement import disagreement, given_poses
 from .found import Detection, FoundPose
 from .instances import first_of_instances, is_same_instance
-from .points import check_points, poses_from_points
 from .proposals import Proposals
 from .pyramid import Pyramid
 from .region import SearchRegion
@@ -83,7 +84,7 @@ class PoseDetector:
         threads: int | None = 1,
     ) -> None:
         self.mesh, self.camera = meshes_of([mesh])[0], camera_of(camera)
-        self.settings, self.config = config, config.detection
+        self.settings, self.config = config_of(config), config.detection
         self.threads = checked_threads(threads)
         self.renderer = renderer_of(renderer)
         self.store = store or TemplateStore()
@@ -142,13 +143,16 @@ class PoseDetector:
         visible; `mask` (H, W), not zero on the object; `points` (N, 5) rows u, v, x, y, z of four
         or more pixels and where they lie on the mesh (its file's frame, metres); `distance`
         (nearest, farthest) metres; `start` a pose that is roughly right. Pixels are those of the
-        image as it was taken. `instances` is how many of the object there may be. The method
-        `seeds` takes none of these.
+        image as it was taken. `instances` is how many of the object there may be. A pose that does
+        not agree with what is known is not found. The method `seeds` takes none of these.
 
-        Raises `InputError` if something given cannot be used.
+        Raises `InputError` if something given cannot be used, or contradicts the rest.
         """
         frame = prepare_frame(image, self.camera)
-        region = SearchRegion.checked(self.camera, box, mask, distance, start)
+        if whole(instances, "instances") < 1:
+            raise InputError(f"instances must be 1 or more, found {instances}.")
+        near = None if start is None else pose_of(start)
+        region = SearchRegion.checked(self.camera, box, mask, distance, near)
         if self.seeds is not None:
             if not region.empty or points is not None or instances != 1:
                 raise InputError(
@@ -156,14 +160,9 @@ class PoseDetector:
                     "narrows it."
                 )
             return _by_seeds(self.seeds.detect(frame))
-        given = []
-        if start is not None:
-            given.append(pose_of(start))
-            check_start(given[0], self.mesh, self.camera)
-        if points is not None:
-            check_points(points, self.mesh)
-            given += poses_from_points(points, self.camera)
         region = region.undistorted(self.camera)
+        known = self.config.region
+        given = given_poses(region, self.mesh, self.camera, points, instances, known)
         return finish(self.steps(frame, region, given, instances, search=points is None))
 
     def steps(
@@ -197,13 +196,13 @@ class PoseDetector:
             )  # fmt: skip
             yield
             poses += self._poses((yield from proposals.first(count)), frame.camera)
-        looked_at = yield from self._looked_at(frame, poses[:most], stages, instances, known.taken)
+        looked_at = yield from self._looked_at(frame, poses[:most], stages, instances, known)
         found = self._answer(looked_at, instances)
         enough = len(found.instances) >= instances or not self.config.match.more_places
         if proposals is None or most is not None or enough:
             return found
         poses = self._poses((yield from proposals.half_occluded(count)), frame.camera)
-        looked_at += yield from self._looked_at(frame, poses, stages, instances, known.taken)
+        looked_at += yield from self._looked_at(frame, poses, stages, instances, known)
         return self._answer(looked_at, instances)
 
     def _looked_at(
@@ -212,11 +211,22 @@ class PoseDetector:
         poses: Sequence[Pose],
         stages: Sequence[tuple[int, int]],
         instances: int,
-        taken: Sequence[Pose],
+        known: SearchRegion,
     ) -> Generator[None, None, list[FoundPose]]:
-        """Where the best of centred poses lead, and how likely that is right."""
-        refined = yield from self._tournament(frame, poses, stages, instances, taken)
-        found = self._verified(frame, refined)
+        """Where the best of centred poses lead, and how likely that is right.
+
+        Without what does not agree with what is known.
+        """
+        refined = yield from self._tournament(frame, poses, stages, instances, known.taken)
+        found = self._verified(
+            frame,
+            [
+                one
+                for one in refined
+                if one.centred is not None
+                and disagreement(known, self.mesh, frame.camera, one.centred) is None
+            ],
+        )
         yield
         return found
 

@@ -6,6 +6,7 @@ Never sees an image.
 from __future__ import annotations
 
 import csv
+import logging
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from ...checks import shown
 from ...errors import InputError
 from ...geometry.camera import Camera
 from ...geometry.lens import skewed
@@ -22,21 +24,25 @@ from ...geometry.mesh import METRES, Mesh
 from ...geometry.pose import Pose
 from ...io import read_text
 
+LOG = logging.getLogger("moveit6d")
 FEWEST = 4  # points: three leave several poses
 FARTHEST = 0.1  # of the picture's longer side: points this far off are mixed up
 SPREAD = 2.0  # pixels: points nearer together say nothing of a pose
 FARTHEST_OFF = 1.0  # of the mesh's diameter, outside of its bounding sphere: not on the mesh
+OFF_SURFACE = 0.05  # of the mesh's diameter: more than that beside it nobody clicks
+SAMPLES = 20_000  # points that stand for the surface, a hundredth of the diameter apart
 LEAST_EXTENT = 0.02  # of the mesh's diameter: nobody clicks so near together
 COLUMNS = ("u", "v", "x", "y", "z")
 
 
-def read_points(path: Path, unit: str) -> NDArray[np.float64]:
+def read_points(path: str | Path, unit: str) -> NDArray[np.float64]:
     """Rows u, v, x, y, z of a CSV file: pixels, and the mesh file's coordinates → metres (N, 5).
 
     A heading is optional; with one the columns may stand in any order. Where semicolons or tabs
     part the columns, commas are decimal commas. `InputError` where a row is not five numbers, and
     where the pixels are all the same: then columns are mixed up.
     """
+    path = Path(path)
     rows = []
     order = list(range(5))
     try:
@@ -83,10 +89,11 @@ def _order(path: Path, heading: Sequence[str]) -> list[int]:
 
 
 def check_points(points: Any, mesh: Mesh) -> None:
-    """`InputError` where (N, 5) rows lie off a mesh: in another unit, or in another frame."""
-    places = np.asarray(points, np.float64)[:, 2:]
-    if len(places) < FEWEST:
-        return  # `poses_from_points` says so
+    """`InputError` where (N, 5) rows lie off a mesh: in another unit, or in another frame.
+
+    A warning where one is only beside its surface, as with another origin.
+    """
+    places = _rows(points)[:, 2:]
     away = float(np.linalg.norm(places - mesh.center, axis=1).max()) - mesh.sphere_diameter / 2
     extent = float(np.ptp(places, axis=0).max())
     if away > FARTHEST_OFF * mesh.sphere_diameter:
@@ -94,11 +101,26 @@ def check_points(points: Any, mesh: Mesh) -> None:
     elif extent < LEAST_EXTENT * mesh.sphere_diameter:
         found = f"span no more than {extent:.3g} m of"
     else:
+        _warn_off_surface(places, mesh)
         return
     raise InputError(
         f"points: they {found} a mesh {mesh.sphere_diameter:.3g} m across; x, y, z must be in the "
         "mesh file's unit and frame."
     )
+
+
+def _warn_off_surface(places: NDArray[np.float64], mesh: Mesh) -> None:
+    surface = np.concatenate([mesh.vertices + mesh.center, mesh.sample_points(SAMPLES)])
+    off = [float(np.linalg.norm(surface - place, axis=1).min()) for place in places]
+    worst = int(np.argmax(off))
+    if off[worst] > OFF_SURFACE * mesh.diameter:
+        x, y, z = places[worst]
+        LOG.warning(
+            "points: number %d (%.4g, %.4g, %.4g m) lies %.2g m beside the surface of a mesh %.3g "
+            "m across; x, y, z count from the mesh file's origin, which may be in its middle: "
+            "`moveit6d doctor --mesh` prints from where to where the mesh reaches.",
+            worst + 1, x, y, z, off[worst], mesh.diameter,
+        )  # fmt: skip
 
 
 def poses_from_points(points: Any, camera: Camera) -> list[Pose]:
@@ -111,12 +133,7 @@ def poses_from_points(points: Any, camera: Camera) -> list[Pose]:
     """
     import cv2
 
-    rows = np.asarray(points, np.float64)
-    if rows.ndim != 2 or rows.shape[1] != 5 or len(rows) < FEWEST or not np.isfinite(rows).all():
-        raise InputError(
-            f"points: at least {FEWEST} rows of {', '.join(COLUMNS)} are needed, found shape "
-            f"{rows.shape}."
-        )
+    rows = _rows(points)
     pixels, places = rows[:, :2].copy(), rows[:, 2:].copy()
     matrix = camera.matrix.numpy()
     if camera.lens is not None:
@@ -142,6 +159,20 @@ def poses_from_points(points: Any, camera: Camera) -> list[Pose]:
             "the mesh's unit and that not all of them lie on one line."
         )
     return found
+
+
+def _rows(points: Any) -> NDArray[np.float64]:
+    """Checked rows u, v, x, y, z: (N, 5)."""
+    try:
+        rows = np.asarray(points, np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"points must be rows of numbers, found {shown(points)}.") from None
+    if rows.ndim != 2 or rows.shape[1] != 5 or len(rows) < FEWEST or not np.isfinite(rows).all():
+        raise InputError(
+            f"points: at least {FEWEST} rows of {', '.join(COLUMNS)}, finite numbers, are needed, "
+            f"found shape {rows.shape}."
+        )
+    return rows
 
 
 def reprojection_error(points: Any, pose: Pose, camera: Camera) -> float:

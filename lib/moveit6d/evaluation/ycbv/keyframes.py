@@ -59,12 +59,13 @@ class KeyframeErrors:
         return torch.where(self.symmetric, self.add_s, self.add)
 
 
-def read_keyframe_poses(path: Path, methods: Sequence[str] = ()) -> Keyframes:
+def read_keyframe_poses(path: str | Path, methods: Sequence[str] = ()) -> Keyframes:
     """Poses of an .npz file: `obj_id` (N,) from 1, `object_names`, `gt` and one array a method.
 
     A pose is `qw qx qy qz tx ty tz` in metres; quaternions need not be unit ones, and one of zeros
     means that there is no pose. All methods of the file unless some are named.
     """
+    path = Path(path)
     arrays = _load(path)
     missing = [name for name in ("obj_id", "object_names", "gt") if name not in arrays]
     if missing:
@@ -94,8 +95,9 @@ def read_keyframe_poses(path: Path, methods: Sequence[str] = ()) -> Keyframes:
     return Keyframes(objects, names, truth, chosen)
 
 
-def read_points(path: Path) -> dict[int, Tensor]:
+def read_points(path: str | Path) -> dict[int, Tensor]:
     """Evaluation points (M, 3) in metres by object, of an .npz file with the keys 01, 02, …."""
+    path = Path(path)
     arrays = _load(path)
     try:
         numbered = {int(key): values for key, values in arrays.items()}
@@ -113,7 +115,7 @@ def read_points(path: Path) -> dict[int, Tensor]:
     return found
 
 
-def write_keyframe_poses(path: Path, keyframes: Keyframes) -> None:
+def write_keyframe_poses(path: str | Path, keyframes: Keyframes) -> None:
     """Write what `read_keyframe_poses` reads."""
     content: dict[str, Any] = {
         "obj_id": keyframes.objects.numpy(),
@@ -121,7 +123,7 @@ def write_keyframe_poses(path: Path, keyframes: Keyframes) -> None:
         "gt": _rows(keyframes.truth),
     }
     content |= {name: _rows(pose) for name, pose in keyframes.estimates.items()}
-    with replacing(path) as temporary, temporary.open("wb") as file:
+    with replacing(Path(path)) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **content)
 
 

@@ -1,0 +1,132 @@
+"""Whether poses agree with what is known of where the object is: the box, the mask, the distance.
+
+Never searches and never refines a pose.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...config import RegionConfig
+from ...errors import InputError
+from ...geometry.camera import Camera
+from ...geometry.mesh import Mesh
+from ...geometry.pose import Pose
+from ...geometry.visibility import seen_box
+from ..visibility import check_start
+from .points import check_points, poses_from_points
+from .region import SearchRegion
+
+# What people draw and measure is rough. A pose may be off a distance by this ratio and the radius
+# of the object, and must cover this share of a box or mask, which may be larger than the object.
+DISTANCE_RATIO = 1.1
+LEAST_COVERED = 0.3
+BOX_RATIO = 1.5  # by which a box may be wider than the object can be at a distance
+
+
+def disagreement(
+    known: SearchRegion,
+    mesh: Mesh,
+    camera: Camera,
+    centred: Pose,
+    shift: float = 0.0,
+    ratio: float = DISTANCE_RATIO,
+) -> str | None:
+    """What a centred pose contradicts, and where it has the object; None if it agrees with all.
+
+    `known` and `camera` are those of the image without its lens. `ratio` is how far off its
+    distance may be, `shift` how far aside it may be, in widths of the object.
+    """
+    distance, radius = float(centred.translation.norm()), mesh.sphere_diameter / 2
+    if known.distance is not None:
+        near, far = known.distance
+        if distance * ratio + radius < near or distance / ratio - radius > far:
+            where = f"by the pose the object is {distance:.3g} m away"
+            return f"{_named('distance', known.distance)} contradict each other: {where}"
+    bounds = known.bounds
+    if bounds is None:
+        return None
+    left, top, right, bottom = seen_box(centred, mesh, camera)
+    margin = shift * camera.fx * mesh.sphere_diameter / distance
+    grown = (left - margin, top - margin, right + margin, bottom + margin)
+    if _covered(known, grown) >= LEAST_COVERED:
+        return None
+    where = f"{left:.0f} {top:.0f} {right - left:.0f} {bottom - top:.0f}"
+    return f"{_name_of_box(known)} contradict each other: by the pose the object is at {where}"
+
+
+def given_poses(
+    known: SearchRegion,
+    mesh: Mesh,
+    camera: Camera,
+    points: Any,
+    instances: int,
+    config: RegionConfig,
+) -> list[Pose]:
+    """The start pose and those of clicked points (mesh file's frame), as far as they are given.
+
+    `camera` is that of the image as it was taken, `known` that of the image without its lens.
+    `InputError` where one of them cannot be used, or contradicts what else is known.
+    """
+    _check_known(known, mesh, camera, config)
+    found = []
+    if known.near is not None:
+        check_start(known.near, mesh, camera)
+        shift, ratio = config.near_shift, config.near_ratio  # it is only roughly right
+        centred = mesh.inner(known.near)
+        _refuse("start pose", disagreement(known, mesh, camera.pinhole, centred, shift, ratio))
+        found.append(known.near)
+    if points is not None:
+        if instances > 1:
+            raise InputError(
+                f"points are of one instance, and {instances} are looked for; leave one out."
+            )
+        check_points(points, mesh)
+        clicked = poses_from_points(points, camera)
+        _refuse("points", disagreement(known, mesh, camera.pinhole, mesh.inner(clicked[0])))
+        found += clicked
+    return found
+
+
+def _refuse(name: str, problem: str | None) -> None:
+    if problem is not None:
+        raise InputError(f"{name} and {problem}; leave one of them out.")
+
+
+def _check_known(known: SearchRegion, mesh: Mesh, camera: Camera, config: RegionConfig) -> None:
+    """`InputError` for a box or mask that is too large for the object at any distance given."""
+    if known.distance is None or known.bounds is None:
+        return
+    side, nearest = max(known.bounds[2:]), known.distance[0]
+    widest = 0.5 * (camera.fx + camera.fy) * mesh.sphere_diameter / nearest
+    if BOX_RATIO * widest < config.box_ratio[0] * side:
+        given = f"{_named('distance', known.distance)} and {_name_of_box(known)}"
+        raise InputError(
+            f"{given} contradict each other: even at {nearest:g} m the object would be no more "
+            f"than {widest:.0f} pixels wide; check the metres and the mesh's unit."
+        )
+
+
+def _covered(known: SearchRegion, edges: tuple[float, float, float, float]) -> float:
+    """Share of the mask's pixels, or of the box, within edges (left, top, right, bottom)."""
+    left, top, right, bottom = edges
+    if known.mask is not None:
+        rows, columns = np.nonzero(known.mask)
+        inside = (left <= columns) & (columns <= right) & (top <= rows) & (rows <= bottom)
+        return float(inside.mean())
+    assert known.bounds is not None
+    x, y, width, height = known.bounds
+    across = max(0.0, min(right, x + width) - max(left, x))
+    down = max(0.0, min(bottom, y + height) - max(top, y))
+    return across * down / (width * height)
+
+
+def _name_of_box(known: SearchRegion) -> str:
+    around = _named("box", known.bounds or ())
+    return around if known.mask is None else f"mask (its {around})"
+
+
+def _named(name: str, numbers: tuple[float, ...]) -> str:
+    return f"{name} {' '.join(f'{number:.6g}' for number in numbers)}"
