@@ -17,8 +17,9 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
-from moveit6d import Mesh, PoseAction
+from moveit6d import PoseAction
 from moveit6d.config import LoopConfig
 from moveit6d.datasets import open_dataset
 from moveit6d.datasets.sequences import Sequence
@@ -75,17 +76,15 @@ def axes_of(
         starts = [Start(frame, mesh, pose) for pose in poses]
         for end in refine_starts(starts, policy=policy, renderer=renderer, loop=LoopConfig()):
             if end.centred is not None and end.covariance is not None:
-                yield from along_axes(end, truth, mesh)
+                yield from along_axes(end, centred, diameter)
 
 
-def along_axes(end: Refined, truth: Pose, mesh: Mesh) -> list[tuple[float, float]]:
-    """Standard deviations and errors of one pose, in action units."""
+def along_axes(end: Refined, truth: Pose, diameter: Tensor) -> list[tuple[float, float]]:
+    """Standard deviations and errors of one pose, in action units; `truth` is centred, too."""
     assert end.centred is not None and end.covariance is not None
-    diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
-    units = torch.linalg.inv(update_jacobian(end.centred, mesh, diameter, "look_at"))
-    pose = mesh.outer(end.centred)
-    turn = log_so3(truth.rotation @ pose.rotation.mT)
-    error = units @ torch.cat([truth.translation - pose.translation, turn])
+    units = torch.linalg.inv(update_jacobian(end.centred, diameter, "look_at"))
+    turn = log_so3(truth.rotation @ end.centred.rotation.mT)
+    error = units @ torch.cat([truth.translation - end.centred.translation, turn])
     variances, axes = torch.linalg.eigh(units @ end.covariance @ units.mT)
     deviations = variances.clamp_min(0).sqrt().tolist()
     return list(zip(deviations, (axes.mT @ error).tolist(), strict=True))

@@ -129,11 +129,11 @@ class Recorder(NetworkPolicy):
         """One pass of the network, never traced, so that it can be listened to."""
         parts = [getattr(observation, name) for name in Observation.__dataclass_fields__]
         with torch.inference_mode():
-            logits, confidence, attention, delta = self.network.folded(*parts)
+            logits, confidence, attention, delta, information = self.network.folded(*parts)
         self.poses += [state.pose[row] for row in range(len(observation))]
         rows = zip(state.target.tolist(), self._told, confidence.tolist(), strict=True)
         self.seen += list(rows)
-        return PolicyOutput(logits, delta, confidence, attention)
+        return PolicyOutput(logits, delta, confidence, attention, information)
 
     def forget(self) -> None:
         """What was remembered."""

@@ -74,7 +74,9 @@ def test_the_field_of_view_is_where_opencv_sees_the_edges(camera: Camera) -> Non
     assert found == pytest.approx(expected, abs=0.02)
 
 
-def synthetic_views(count: int, noise: float = 0.05, bad: int = 0) -> list[Corners]:
+def synthetic_views(
+    count: int, noise: float = 0.05, bad: int = 0, spoilt: float = 8.0
+) -> list[Corners]:
     """Corners of a 6 × 8 board by projection alone, some views of them spoilt."""
     random = np.random.default_rng(1)
     y, x = np.divmod(np.arange(48), 6)
@@ -87,7 +89,7 @@ def synthetic_views(count: int, noise: float = 0.05, bad: int = 0) -> list[Corne
         points = (places - (2.5, 3.5, 0)) @ turn.as_matrix().T + centre
         assert STANDARD.lens is not None
         pixels = STANDARD.lens.project(points, STANDARD.matrix.numpy())
-        scale = 8.0 if number < bad else noise
+        scale = spoilt if number < bad else noise
         views.append(
             Corners((pixels + random.normal(0, scale, pixels.shape)).astype(np.float32), places)
         )
@@ -98,6 +100,18 @@ def test_spoilt_views_are_left_out() -> None:
     result = calibrate(synthetic_views(14, bad=2), WIDTH, HEIGHT)
     assert result.views == 12 and result.error < 0.15
     assert result.camera.fx == pytest.approx(STANDARD.fx, rel=0.01) and result.doubts() == []
+
+
+def test_spoilt_views_are_left_out_before_the_lens_is_judged() -> None:
+    result = calibrate(synthetic_views(12, bad=2, spoilt=25.0), WIDTH, HEIGHT, "rational")
+    assert result.views <= 10 and result.error < 0.15
+    assert result.camera.fx == pytest.approx(STANDARD.fx, rel=0.01)
+
+
+def test_a_lens_that_folds_says_which_pictures_are_missing() -> None:
+    words = "rational lens that fits.* in the corners, or take --lens standard"
+    with pytest.raises(InputError, match=words):
+        calibrate(synthetic_views(7, noise=3.0), WIDTH, HEIGHT, "rational")
 
 
 def test_few_or_like_views_are_doubted() -> None:

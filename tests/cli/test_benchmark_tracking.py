@@ -241,3 +241,33 @@ def test_one_bad_sequence_does_not_stop_the_others(
     assert [row[0] for row in table(said.out)] == ["level", "hard"]
     assert "easy_00: Start pose: the object is outside of the image" in said.err
     assert "1 of 2 sequences could not be tracked: easy_00." in said.err.splitlines()[-1]
+
+
+def test_a_kept_track_gets_a_page_of_now(sequences: Path, tmp_path: Path) -> None:
+    report = tmp_path / "report"
+    command = ["benchmark", "tracking", "--sequences", str(sequences), "--report", str(report)]
+    command += ["--output", str(tmp_path / "out"), "--resume"]
+    assert main(command) == 0
+    (report / "easy_00.html").write_text("of an earlier track")
+    assert main(command) == 0
+    assert "ADD" in (report / "easy_00.html").read_text()
+
+
+def test_kept_tracks_without_a_video_or_log_are_said(
+    sequences: Path, tmp_path: Path, capsys: Any
+) -> None:
+    command = ["benchmark", "tracking", "--sequences", str(sequences)]
+    command += ["--output", str(tmp_path / "out")]
+    assert main([*command, "--only", "easy_00", "--overlays"]) == 0
+    assert main([*command, "--only", "hard_01"]) == 0
+    capsys.readouterr()
+    assert main([*command, "--resume", "--overlays"]) == 0
+    assert "hard_01: tracked earlier, so that no video" in capsys.readouterr().err
+    assert main([*command, "--resume"]) == 0
+    assert "tracked earlier" not in capsys.readouterr().err
+
+
+def test_our_row_may_not_be_called_like_a_rival(sequences: Path, rivals: Path, capsys: Any) -> None:
+    command = ["benchmark", "tracking", "--sequences", str(sequences), "--rivals", str(rivals)]
+    assert main([*command, "--name", "other"]) == 2
+    assert "--name other: a rival is called so" in capsys.readouterr().err

@@ -184,3 +184,20 @@ def test_the_folder_of_a_track_is_scored(sequences: Path, tmp_path: Path, capsys
     (track / "poses.csv").unlink()
     assert main([*command, str(sequences / "easy_00")]) == 2
     assert "out holds no <sequence>.csv for any of easy_00.\n" in capsys.readouterr().err
+
+
+def test_results_of_the_same_name_stand_beside_each_other(
+    sequences: Path, tmp_path: Path, capsys: Any
+) -> None:
+    pytest.importorskip("matplotlib")
+    rows = [replace(row, confidence=0.9) for row in read_poses(sequences / "easy_00" / "poses.csv")]
+    places = [tmp_path / who / "out" for who in ("mine", "theirs")]
+    for place in places:
+        write_poses(place / "easy_00.csv", rows)
+    command = ["evaluate", "tracking", "--sequences", str(sequences / "easy_00"), "--results"]
+    diagram = ["--reliability", str(tmp_path / "diagram")]
+    assert main([*command, *map(str, places), *diagram]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for place in places:
+        assert str(place) in lines, "over its table"
+        assert any(line.startswith(f"{place}: ") for line in lines), "and its reliability"

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from moveit6d.cli.reporting import check_report, reporting
+from moveit6d.cli.reporting import check_report, reporting, verdict
 from moveit6d.datasets.video import VideoFrame
 from moveit6d.errors import InputError
+from moveit6d.evaluation.track_scores import Score
 from moveit6d.rendering.backends import make_renderer
 from tests.support.clip import Clip
 
@@ -105,3 +107,9 @@ def test_the_runs_own_files_stay(clip: Clip, capsys: Any) -> None:
             assert f"{option}: {path} would be replaced" in capsys.readouterr().err
     assert (clip.output / "poses.csv").read_text() == "earlier"
     assert before == written()
+
+
+def test_a_verdict_names_the_frame_of_the_loss() -> None:
+    lost = Score(20, 0.5, 0.5, 0.1, 0.1, 10, 0.5, 0, None, 0, lost_at=145)
+    assert "lost at frame 145" in verdict(lost)
+    assert "never lost" in verdict(replace(lost, until_lost=21, lost_at=None))

@@ -246,3 +246,23 @@ def test_detect_writes_a_start(
     assert image["candidates"] == 2 and len(image["sinks"]) == 1
     write_camera(tmp_path / "camera.json", replace(scene.camera, width=100, height=100))
     assert main([*command, "--output", str(out)]) == 2
+
+
+@pytest.mark.parametrize("name", ["attention", "convergence", "detection"])
+def test_frames_that_cannot_be_read_are_said(
+    own: Path, tmp_path: Path, capsys: Any, name: str
+) -> None:
+    own_options = {
+        "convergence": ["--m", "0", "--reading", "total"],
+        "detection": ["--sinks", "1", "--poses", "1", "--rotations", "1", "--sizes", "0.4"],
+    }
+    command = ["reproduce", name, "--data", str(own), "--output", str(tmp_path / "out")]
+    command += ["--frames", str(FRAMES), *own_options.get(name, [])]
+    pictures = sorted((own / "frames").iterdir())
+    pictures[1].write_bytes(b"no picture")
+    assert main(command) == 0
+    assert f"1 of {FRAMES} frames could not be read and are left out" in capsys.readouterr().err
+    for picture in pictures:
+        picture.write_bytes(b"no picture")
+    assert main(command) == 2
+    assert f"{own}: no frame with a true pose could be read" in capsys.readouterr().err

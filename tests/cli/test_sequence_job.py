@@ -79,7 +79,8 @@ def test_a_track_belongs_to_its_images_camera_and_object(make_sequence: Make) ->
     assert json.loads(json.dumps(before)) == before == settings(read_sequence(made.folder)[0])
     half_turn = np.diag([-1.0, -1.0, 1.0, 1.0])[None]
     (made.folder / "mesh.symmetry.json").write_text('{"symmetries_discrete": "no list"}')
-    assert settings(sequence) == {**before, "symmetries": None}, "the track will say what is wrong"
+    found = settings(sequence)
+    assert found == {**before, "symmetries": None, "mesh": found["mesh"]}, "the track will say why"
     (made.folder / "mesh.symmetry.json").unlink()
     for other in (
         replace(sequence, camera=replace(sequence.camera, fx=181.0)),
@@ -114,3 +115,16 @@ def test_a_track_with_resets_belongs_to_its_truth(make_sequence: Make) -> None:
     other = replace(sequence, truth={**sequence.truth, 2: Pose.identity()})
     assert settings(sequence, "paper") != settings(other, "paper")
     assert settings(sequence) == settings(other), "which never sees it"
+
+
+def test_a_track_belongs_to_the_texture_of_its_object(make_sequence: Make) -> None:
+    (sequence,) = read_sequence(make_sequence(frames=2).folder)
+    named = b"comment TextureFile brick.png\nend_header"
+    sequence.mesh.write_bytes(sequence.mesh.read_bytes().replace(b"end_header", named, 1))
+    found = []
+    for texture in (b"red", b"blue"):
+        (sequence.mesh.parent / "brick.png").write_bytes(texture)
+        found.append(settings(sequence)["mesh"])
+    assert found[0] != found[1]
+    sequence.mesh.unlink()
+    assert settings(sequence)["mesh"] is None, "the track will say that it is missing"

@@ -136,3 +136,16 @@ def test_a_pose_that_is_not_to_move_is_only_judged(box: Mesh, truth: Pose) -> No
     assert torch.equal(judged[1].pose.translation, aside.translation)
     assert judged[0].agreement > 0.8 > judged[1].agreement + 0.2
     assert judged[1].histograms is not None
+
+
+def test_what_lies_beside_the_image_does_not_disagree(box: Mesh, truth: Pose) -> None:
+    renderer, histograms = make_renderer(), known(box, truth)
+    half = Pose(truth.rotation, truth.translation * torch.tensor([0.0, 1.0, 1.0]))
+    half = Pose(half.rotation, half.translation + torch.tensor([0.17, 0.0, 0.0]))
+    whole, cut = (
+        refine_contour(picture(box, pose), K, box, pose, renderer, histograms, moves=False)
+        for pose in (truth, half)
+    )
+    middle = float(K[0, 0] * half.translation[0] / half.translation[2] + K[0, 2])
+    assert abs(middle - 255) < 10, "half of it is beside the image"
+    assert cut.agreement > 0.8 * whole.agreement > 0.6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -44,10 +45,13 @@ def alive(known: Instances, *results: tuple[float, float]) -> list[bool]:
 
 def test_who_came_to_the_place_of_another_has_no_pose_but_a_reason(brick: Mesh) -> None:
     known = instances(brick, 0.0, 0.15)
-    found = ends((0.15, 0.95), (0.15, 0.94))
+    found = {
+        k: dataclasses.replace(one, covariance=torch.eye(6))
+        for k, one in ends((0.15, 0.95), (0.15, 0.94)).items()
+    }
     first, second = known.kept_apart(found).values()
     assert first.centred is None and first.error == TAKEN and first.confidence == 0
-    assert first.stopped_by is StopReason.FAILED
+    assert first.stopped_by is StopReason.FAILED and first.covariance is None
     assert second is found[1]
     assert alive(known, (0.01, 0.3), (0.15, 0.9)) == [True, True]
 

@@ -74,6 +74,17 @@ def test_near_first_then_the_whole_image_now_and_then() -> None:
     assert found == [False] * 9 + [True]
 
 
+def test_an_interval_of_one_is_a_search_in_every_frame_also_after_the_object_was_tracked() -> None:
+    finder = Finder(length=2, finds=9)
+    one = supervisor(finder, interval=1)
+    sure = TrackingResult(POSE, 1, StopReason.MAX_ITERATIONS, 1.0, 1.0)
+    assert one.assessed(sure, 1.0).state is TrackingState.TRACKING
+    assert one.assessed(failed(), 0.0).state is TrackingState.LOST
+    for frames in range(1, 5):
+        one.search(FRAME, POSE)
+        assert finder.searches == frames
+
+
 def test_a_search_may_take_several_frames() -> None:
     finder = Finder(length=5, finds=1)
     one = supervisor(finder, max_milliseconds=0.0)

@@ -85,3 +85,11 @@ def test_the_table_adds_up() -> None:
     text = recovery_table({"easy": one, "hard": one})
     total = [cell.strip() for cell in text.splitlines()[-1].split("|")[1:-1]]
     assert total == ["all", "50.0 %", "75.0 %", "0.0 %", "90.0 %"]
+
+
+def test_frames_without_a_true_pose_count_only_while_the_object_is_away(brick: Mesh) -> None:
+    rows = {k: PoseRow(k, pose=RIGHT, state="tracking") for k in range(120)}
+    known = [k for k in rows if not (10 <= k < 20 or GONE[0] <= k < GONE[1] or 80 <= k < 90)]
+    score = score_recovery(rows, dict.fromkeys(known, RIGHT), EvaluationPoints.of(brick))
+    assert score.found == (30, 30) and score.known_lost == (0, 28)
+    assert score.false_claims == (28, 100) and score.known_tracked == (69, 69)

@@ -16,6 +16,7 @@ from moveit6d.datasets.pose_files import PoseRow, read_poses, write_poses
 from moveit6d.datasets.sequences import Sequence, read_sequence, read_sequences
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseTracker
+from moveit6d.estimation.states import TrackingState
 from moveit6d.evaluation.protocols import NO_RESET, PAPER
 from moveit6d.evaluation.run_tracker import TrackedFrame
 from moveit6d.evaluation.runner import (
@@ -205,3 +206,30 @@ def test_one_bad_sequence_does_not_stop_the_others(jobs: list[TrackJob], tmp_pat
     assert easy.tracked is not None and hard.tracked is None
     assert hard.error == "the start is behind the camera."
     assert not store.file(bad[1], ".json").exists()
+
+
+def test_starting_again_keeps_whole_tracks_until_their_turn(
+    jobs: list[TrackJob], tmp_path: Path
+) -> None:
+    store = TrackStore(tmp_path / "tracks")
+    run(jobs, Counting(), store)
+
+    def stop(job: TrackJob, path: Path | None = None) -> Tracked:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        list(run_all(jobs, stop, stop, store=store))
+    assert [store.file(job, ".json").exists() for job in jobs] == [False, True]
+
+
+def test_a_track_that_is_read_back_has_its_states(jobs: list[TrackJob], tmp_path: Path) -> None:
+    store, state = TrackStore(tmp_path / "tracks"), str(TrackingState.UNCERTAIN)
+
+    def uncertain(job: TrackJob, path: Path | None = None) -> Tracked:
+        frame = next(iter(job.sequence.open()))
+        row = PoseRow(1, pose=job.sequence.start, confidence=0.9, state=state)
+        return Tracked(gather(job.sequence, [TrackedFrame(frame, row)], path))
+
+    list(run_all(jobs, uncertain, uncertain, store=store))
+    kept = store.read(jobs[0])
+    assert kept is not None and kept[1].state == state

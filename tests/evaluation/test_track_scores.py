@@ -179,3 +179,12 @@ def test_rivals_get_exactly_the_benchmarks_figures(
         assert math.isclose(1000 * ours.mean_add, theirs["mean_add_mm"], abs_tol=1e-3)
         assert math.isclose(1000 * ours.median_add, theirs["median_add_mm"], abs_tol=1e-3)
         assert math.isclose(1000 * surface.diameter, theirs["diameter_mm"], abs_tol=1e-3)
+
+
+def test_the_frame_of_the_loss_is_the_videos_number(surface: EvaluationPoints) -> None:
+    truth = {frame: at(0.0) for frame in range(20, 200, 5)}
+    rows = {k: PoseRow(k, pose=at(0.0 if k < 100 else 1.0)) for k in truth}
+    found = score(rows, truth, surface)
+    assert (found.until_lost, found.lost_at) == (16, 100)
+    kept = {k: PoseRow(k, pose=at(0.0)) for k in truth}
+    assert score(kept, truth, surface).lost_at is None

@@ -96,6 +96,14 @@ def test_a_point_on_the_camera_s_plane_has_no_pixel() -> None:
     assert CAMERA.project(torch.tensor([[0.1, 0.0, 0.0]])).isnan().all()
 
 
+def test_whole_numbers_are_those_of_floats() -> None:
+    pixels, places = torch.tensor([[440, 240], [3, 7]]), torch.tensor([[1, -2, 3], [0, 1, 7]])
+    torch.testing.assert_close(
+        CAMERA.unproject(pixels, 0.5), CAMERA.unproject(pixels.double(), 0.5)
+    )
+    torch.testing.assert_close(CAMERA.project(places), CAMERA.project(places.double()))
+
+
 def test_gradients_flow_through_projection() -> None:
     points = torch.tensor([[0.1, -0.2, 0.7]], dtype=torch.float64, requires_grad=True)
     assert torch.autograd.gradcheck(CAMERA.project, points)

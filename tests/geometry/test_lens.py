@@ -179,6 +179,18 @@ def test_beyond_its_reach_a_lens_shows_nothing() -> None:
     assert Camera(300, 300, 160, 120, 320, 240, (0.1, 0.0, 0.0, 0.0)).lens.reach == np.inf  # type: ignore[union-attr]
 
 
+def test_beyond_its_reach_whole_images_are_black() -> None:
+    camera = Camera(600, 580, 330.0, 235.0, 640, 480, (0.05, -0.1, 0, 0, -2), skew=4.0)
+    white = torch.full((1, 480, 640), 255, dtype=torch.uint8)
+    undone, pinhole = camera.undistort(white)
+    v, u = torch.meshgrid(torch.arange(480), torch.arange(640), indexing="ij")
+    tangent = pinhole.unproject(torch.stack([u, v], -1))[..., :2].norm(dim=-1)
+    assert camera.lens is not None
+    beyond = tangent >= camera.lens.reach
+    assert 100 < beyond.sum() < 200_000 and (undone[0][beyond] == 0).all()
+    assert (undone[0][tangent < 0.8 * camera.lens.reach] == 255).all()
+
+
 def test_a_fisheye_of_zeros_is_still_no_pinhole() -> None:
     fisheye = Camera(200, 200, 160, 120, 320, 240, (0.0,) * 4, "fisheye")
     pixel = fisheye.project(torch.tensor([1.0, 0.0, 1.0]).double())

@@ -110,6 +110,14 @@ def test_what_is_no_image_pose_or_camera_is_one_sentence(
         plain.textured_from(**given)
 
 
+def test_from_behind_the_camera_there_is_nothing_to_take() -> None:
+    vertices, faces, *_ = meshes.box_arrays()
+    plain = Mesh.from_arrays("box", vertices, faces)
+    pose = Pose(TURN, torch.tensor([0.0, 0.0, -0.6], dtype=torch.float64))
+    with pytest.raises(InputError, match="box: the camera sees too little"):
+        plain.textured_from(np.zeros((256, 256, 3), np.uint8), pose, CAMERA)
+
+
 def test_out_of_the_picture_there_is_nothing_to_take() -> None:
     vertices, faces, *_ = meshes.box_arrays()
     plain = Mesh.from_arrays("box", vertices, faces)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from moveit6d.visualization.curves import Curves, curves_svg, limits
+from moveit6d.visualization.curves import BLUE, Curves, curves_svg, limits
 
 NAN = math.nan
 SOME = Curves(
@@ -49,3 +49,24 @@ def test_a_place_in_the_picture_is_a_frame() -> None:
     numbers = [float(word) for word in paths[1].split() if word not in ("M", "L", "z")]
     assert min(numbers[::2]) / width == pytest.approx(found["left"], abs=1e-3)
     assert max(numbers[::2]) / width == pytest.approx(found["right"], abs=1e-3)
+
+
+def lines_of(curves: Curves) -> list[str]:
+    """What the blue lines and marks of the errors are drawn with."""
+    text = curves_svg(replace(curves, confidence=[NAN] * len(curves.frames)), 0.5)
+    return [
+        node.tag.split("}")[1] + "L" * node.attrib.get("d", "").count("L")
+        for node in ElementTree.fromstring(text).iter()
+        if BLUE in node.attrib.get("style", "") and "id" not in node.attrib
+    ]
+
+
+def test_known_errors_are_joined_where_the_truth_has_holes() -> None:
+    sparse = [float(k) if k % 5 == 0 else NAN for k in range(20)]
+    assert lines_of(replace(SOME, error=sparse, missing=[])) == ["pathLLL"]
+
+
+def test_a_line_ends_at_a_missing_pose_and_a_point_alone_is_marked() -> None:
+    sparse = [float(k) if k % 5 == 0 else NAN for k in range(20)]
+    assert lines_of(replace(SOME, error=sparse, missing=[8])) == ["pathL", "pathL"]
+    assert lines_of(replace(SOME, error=sparse, missing=[12])) == ["pathLL", "use"]

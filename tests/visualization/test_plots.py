@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from moveit6d.visualization.charts import BarChart, Chart, Curve, LineChart, Panel, Sheet
@@ -59,3 +61,57 @@ def test_a_chart_says_what_its_figures_were_taken_on(tmp_path: Path) -> None:
     assert "<!-- ours: surrogate for Laval -->" in drawn
     plain = draw(LINES, tmp_path)[1].read_text(encoding="utf-8")
     assert "surrogate" not in plain
+
+
+LONG = "surrogate (in YCB-Video's format, not recognised as the published set), folder " + "x" * 90
+CASE = Panel("0050.035_power_drill_occlusion_h_45, frame 1003", np.zeros((9, 9, 3), np.uint8))
+WIDE = [
+    LINES,
+    LineChart("paths", "t" * 120, "m", "%", (Curve("/a/path/" * 20, (0, 1), (0, 1)),)),
+    BARS,
+    BarChart("many", "Bars", "% of frames below 10 % of the diameter",
+        tuple(f"{k:03}_a_very_long_name" for k in range(9)), {
+        "ours": (1.0,) * 9, "ours + shift (oracle)": (2.0,) * 9, "paper": (3.0,) * 9}),
+    SHEET,
+    Sheet("cases", "Cases", 3, (CASE, CASE, Panel("15000 steps (mixed_small)", np.eye(3)))),
+]  # fmt: skip
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """The figures that are drawn."""
+    found: list[Figure] = []
+    save = Figure.savefig
+
+    def keep(self: Figure, *args: Any, **options: Any) -> None:
+        found.append(self)
+        save(self, *args, **options)
+
+    monkeypatch.setattr(Figure, "savefig", keep)
+    return found
+
+
+@pytest.mark.parametrize("chart", WIDE, ids=lambda chart: chart.name)
+def test_nothing_is_cut_or_drawn_over_curves(
+    chart: Chart, tmp_path: Path, drawn: list[Figure]
+) -> None:
+    draw(chart, tmp_path, LONG)
+    figure = drawn[0]
+    figure.draw_without_rendering()
+    room = figure.bbox.padded(1)
+    axes = figure.axes
+    titles = [one.title.get_window_extent() for one in axes if one.title.get_text()]
+    legends = [*figure.legends, *filter(None, (one.get_legend() for one in axes))]
+    boxes = [legend.get_window_extent() for legend in legends]
+    labels = [text.get_window_extent() for one in axes
+              for text in (one.xaxis.label, one.yaxis.label) if text.get_text()]  # fmt: skip
+    captions = [text.get_window_extent() for text in figure.texts]
+    assert captions
+    everything = figure.get_tightbbox().transformed(figure.dpi_scale_trans)
+    for box in (everything, *titles, *boxes, *labels, *captions):
+        assert room.containsx(box.x0) and room.containsx(box.x1)
+        assert room.containsy(box.y0) and room.containsy(box.y1)
+    for box in boxes:
+        assert not any(box.overlaps(one.bbox) for one in axes)
+    for number, box in enumerate(titles):
+        assert not any(box.overlaps(other) for other in titles[:number])

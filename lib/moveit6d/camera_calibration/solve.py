@@ -14,7 +14,8 @@ import torch
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..geometry.camera import Camera
+from ..geometry.camera import Camera, with_possible_picture
+from ..geometry.lens import DistortionModel
 from .boards import Corners
 
 LensKind = Literal["none", "standard", "rational", "fisheye"]
@@ -110,6 +111,7 @@ def calibrate(
     if not sound.all() and sound.sum() >= FEWEST:
         kept = [view for view, good in zip(views, sound, strict=True) if good]
         camera, errors, spread = _fit(kept, width, height, lens)
+    _check_picture(camera, lens)
     weights = [len(view.pixels) for view in kept]
     error = float(np.sqrt(np.average(errors**2, weights=weights)))
     return Calibration(camera, error, len(kept), _coverage(kept, width, height), spread)
@@ -146,12 +148,27 @@ def _fit(
             f"these pictures fix no camera ({str(error).splitlines()[0][:120].strip()}); show the "
             "board at several distances, places and tilts."
         ) from None
-    coefficients = None if lens == "none" else np.ravel(d)[: 8 if lens == "rational" else 5]
-    camera = Camera.from_matrix(
-        k, width, height, coefficients, "fisheye" if lens == "fisheye" else "opencv"
-    )
+    count = 8 if lens == "rational" else 5
+    coefficients = None if lens == "none" else tuple(np.ravel(d)[:count].tolist())
+    # Not from_matrix: a few bad views, yet to be left out, may make the lens fold the picture.
+    model: DistortionModel = "fisheye" if lens == "fisheye" else "opencv"
+    focal, centre = (k[0, 0], k[1, 1]), (k[0, 2], k[1, 2])
+    camera = Camera(*focal, *centre, width, height, coefficients, model, k[0, 1])
     errors = [_error(*one, camera) for one in zip(views, turns, shifts, strict=True)]
     return camera, np.array(errors), spread
+
+
+def _check_picture(camera: Camera, lens: LensKind) -> None:
+    """`InputError` with what to do, if the lens that fits best cannot show such a picture."""
+    try:
+        with_possible_picture(camera)
+    except InputError:
+        other = ", or take --lens standard" if lens == "rational" else ""
+        raise InputError(
+            f"the {lens} lens that fits these pictures best folds or stretches the picture where "
+            "they say little of it, towards its corners; take more pictures with the board in the "
+            f"corners{other}."
+        ) from None
 
 
 def _flags(lens: LensKind) -> int:

@@ -45,8 +45,8 @@ protocols (--protocol):
 Frames whose pose was given are not scored, but with --count_resets they are.
 
 files written to --output (nothing without it):
-  <sequence>.csv   frame,r11,...,r33,tx,ty,tz,milliseconds,steps,stopped_by,confidence,reset;
-                   the first row is the start
+  <sequence>.csv   frame,r11,...,r33,tx,ty,tz,milliseconds,steps,stopped_by,confidence,reset,
+                   state; the first row is the start
   <sequence>.json  how the track was made; written last, so it marks a finished sequence
   <sequence>.mp4   with --overlays: outline and axes drawn on the frames
 and to --report an HTML page for every sequence, and index.html that leads to them.
@@ -55,7 +55,7 @@ many sequences: --jobs N works in N processes; with --ray the same runs on a Ray
 moveit6d[ray] and the data under the same path on every machine). Tracks are the same as in one
 process. A worker that is killed is replaced, and its sequence is done again once. With
 --resume sequences that --output already holds, made with the same settings, are not done
-again. --threads is per process.
+again, nor are their videos and logs written. --threads is per process.
 """
 
 EXAMPLES = """\
@@ -107,6 +107,8 @@ def run(args: argparse.Namespace) -> int:
             new_folder(folder)
     sequences = chosen(args)
     trackers = rivals(args.rivals, sequences)
+    if args.name in trackers:
+        raise InputError(f"--name {args.name}: a rival is called so, too; give another name.")
     setting = Setting.of(args)
     bench = Bench(args, setting, [make_job(sequence, args, setting) for sequence in sequences])
     interrupted = False
@@ -192,6 +194,7 @@ class Bench:
         self.levels = {job.sequence.name: job.sequence.level for job in jobs}
         self.scores: dict[str, Score] = {}
         self.errors: dict[str, str] = {}
+        self.undrawn: list[str] = []  # kept tracks without a video or log that is wanted
 
     def work(self) -> None:
         """Do what is not done yet; scores are there as soon as a sequence is finished."""
@@ -215,6 +218,11 @@ class Bench:
                 raise InputError(str(done.error))
             self.errors[done.job.sequence.name] = str(done.error)
             note(f"{done.job.sequence.name}: {done.error}")
+        if self.undrawn:
+            note(
+                f"{', '.join(self.undrawn)}: tracked earlier, so that no video or log was written; "
+                "without --resume they are tracked again."
+            )
 
     def show(self, trackers: dict[str, dict[str, Score]]) -> None:
         """Print the tables, and write the page that leads to the others."""
@@ -233,7 +241,7 @@ class Bench:
             self._index("\n\n".join(tables), ours)
 
     def _finish(self, job: SequenceJob, found: Tracked, kept: bool) -> None:
-        """Score a track and write its page, if one is wanted that is not there."""
+        """Score a track and write its page, if one is wanted."""
         from ..evaluation.sequence_scores import score_track
         from ..io import replacing
         from ..rendering.backends import make_renderer
@@ -246,8 +254,11 @@ class Bench:
             note(f"{name}: one true pose is too few to score.")
         else:
             self.scores[name] = score
+        wanted = [file for file in (job.movie, job.log) if file is not None]
+        if kept and not all(file.exists() for file in wanted):
+            self.undrawn.append(name)
         text, path = found.page, None if not job.page else self.args.report / f"{name}.html"
-        if kept and path is not None and not path.exists():
+        if kept and path is not None:
             text = page_of(job, Gathered(found.rows), make_renderer(self.setting.renderer))
         if text is not None and path is not None:
             with replacing(path) as temporary:
@@ -270,7 +281,7 @@ class Bench:
                 str(ours[name].frames),
                 percent(ours[name].below_10),
                 f"{1000 * ours[name].mean_add:.1f}",
-                "never" if ours[name].never_lost else str(ours[name].until_lost),
+                "never" if ours[name].never_lost else str(ours[name].lost_at),
                 str(ours[name].missing),
             ]
             for name in order

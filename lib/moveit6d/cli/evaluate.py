@@ -182,7 +182,9 @@ def tracking(args: argparse.Namespace) -> int:
     sequences = open_dataset(args.sequences, args.format)
     levels = {sequence.name: sequence.level for sequence in sequences}
     measured = {}
+    names = [path.name for path in args.results]
     for path in args.results:
+        name = path.name if names.count(path.name) == 1 else str(path)
         scores = score_results(sequences, path, args.count_resets)
         absent = [name for name in levels if name not in scores]
         if not scores:
@@ -192,9 +194,9 @@ def tracking(args: argparse.Namespace) -> int:
         for sequence, rows in read_tracks(sequences, path):
             for gap in gaps(sequence, rows):
                 note(f"{path}: {sequence.name}: {gap}.")
-        print(f"\n{path.name}\n\n{tracking_table(scores, levels, args.per_sequence)}")
+        print(f"\n{name}\n\n{tracking_table(scores, levels, args.per_sequence)}")
         if args.reliability is not None:
-            measured[path.name] = reliability(*confidences(sequences, path))
+            measured[name] = reliability(*confidences(sequences, path))
     _write_reliability(measured, args.reliability)
     return 0
 

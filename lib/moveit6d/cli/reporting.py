@@ -151,7 +151,7 @@ def sequence_page(
 
 def verdict(score: Score) -> str:
     """A track's figures in one line."""
-    held = "never lost" if score.never_lost else f"lost at frame {score.until_lost}"
+    held = "never lost" if score.never_lost else f"lost at frame {score.lost_at}"
     resets = f", {score.resets} resets" if score.resets else ""
     return (
         f"ADD < 10 % d in {100 * score.below_10:.1f} % of {score.frames} frames, "

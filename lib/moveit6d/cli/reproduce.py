@@ -239,12 +239,14 @@ def _convergence(args: argparse.Namespace) -> Reproduction:
         loop=setting.config.loop,
         **given,
     )
-    trials = []
+    trials, asked, read = [], 0, 0
     for video in videos:
         runs = convergence.run(video, policy, renderer, plan)
         number = len(convergence.frames_of(video, plan))
         for found in progress(runs, number, video.name):
             trials += found
+            asked, read = asked + 1, read + bool(found)
+    _say_unread(args.data, asked, read)
     return convergence.reproduction(trials, data, _facts(args, setting))
 
 
@@ -291,7 +293,9 @@ def _attention(args: argparse.Namespace) -> Reproduction:
     for name, path in zip(names, args.checkpoints, strict=True):
         policies[name] = load_policy(path, compute=setting.compute)
     policies[attention.MODEL] = policy
-    cases = attention.patches(videos, args.frames or 1, renderer)
+    frames = args.frames or 1
+    cases = attention.patches(videos, frames, renderer)
+    _say_unread(args.data, _asked(videos, frames), len(cases))
     return attention.reproduction(cases, policies, data, _facts(args, setting))
 
 
@@ -316,17 +320,32 @@ def _detection(args: argparse.Namespace) -> Reproduction:
     }
     trials, example = [], None
     frames = args.frames or 1
-    runs = detection.run(videos, detectors, frames)
-    for trial, image, found in progress(runs, frames * len(videos), "detect"):
+    runs, asked = detection.run(videos, detectors, frames), _asked(videos, frames)
+    for trial, image, found in progress(runs, asked, "detect"):
         trials.append(trial)
         if example is None:
             video = next(one for one in videos if one.name == trial.video)
             curve = detection.turned_starts(detectors[video.name], image, video.truth[trial.frame])
             example = detection.Example(image, found, detection.TURNS, *curve)
-    if example is None:
-        raise InputError(f"{args.data}: no frame with a true pose could be read.")
+    _say_unread(args.data, asked, len(trials))
+    assert example is not None
     facts = {**_facts(args, setting), "detector": json.loads(json.dumps(asdict(config)))}
     return detection.reproduction(trials, example, data, facts)
+
+
+def _asked(videos: list[Sequence], frames: int) -> int:
+    """How many frames there are if so many are wanted of every sequence."""
+    from ..evaluation.reproduce.convergence import Plan, frames_of
+
+    return sum(len(frames_of(video, Plan(frames=frames))) for video in videos)
+
+
+def _say_unread(data: Path, asked: int, read: int) -> None:
+    """Say how many frames were left out; `InputError` if none could be read."""
+    if not read:
+        raise InputError(f"{data}: no frame with a true pose could be read.")
+    if read < asked:
+        note(f"{asked - read} of {asked} frames could not be read and are left out.")
 
 
 RUNS: Mapping[str, Callable[[argparse.Namespace], Reproduction]] = {

@@ -28,8 +28,8 @@ from ..evaluation.runner import (
     run_all,
     track,
 )
+from ..geometry.mesh_files.digest import mesh_digest
 from ..geometry.symmetry_file import symmetries_beside
-from ..io import file_digest
 from .common import Setting, complaining, make_tools, tools, versions, weights_facts
 from .messages import progress
 from .reporting import Gathered, rerun_log, sequence_page
@@ -121,7 +121,7 @@ def settings_of_track(
         "protocol": protocol,
         "first": sequence.first,
         "start": [round(n, 9) for n in sequence.start.matrix.flatten().tolist()],
-        "mesh": _sha256(sequence.mesh),
+        "mesh": mesh_digest(sequence.mesh) if sequence.mesh.is_file() else None,
         "mesh_unit": sequence.mesh_unit,
         "symmetries": _symmetries(sequence),
         "camera": camera_content(sequence.camera),
@@ -164,11 +164,6 @@ def _drawn(
             if log is not None:
                 log.write(step.frame, step.row, step.error)
             yield step
-
-
-def _sha256(path: Path) -> str | None:
-    """Of a file, None without one."""
-    return file_digest(path) if path.is_file() else None
 
 
 def _symmetries(sequence: Sequence) -> list[Any] | None:

@@ -119,7 +119,7 @@ def refine_contour(
         if contour is None or len(contour.points) < config.min_lines:
             return ContourRefinement(pose, 0.0, None)
         focal = float(patch.view.intrinsics[0, 0])
-        moved, agreement = _fit(odds, contour, depth, current, focal, scales, config)
+        moved, agreement = _fit(odds, contour, depth, current, focal, scales, config, patch.seen)
         current = moved if moves else current
     if not np.abs(current.moved).max() <= config.max_delta:  # nor numbers that are not finite
         return ContourRefinement(pose, 0.0, None)
@@ -182,6 +182,7 @@ def _fit(
     focal: float,
     scales: tuple[int, ...],
     config: ContourConfig,
+    seen: Mask,
 ) -> tuple[_VirtualPose, float]:
     """The pose after one step a scale, with the contour of one rendering; and the agreement."""
     middle = (PATCH_SIZE - 1) / 2
@@ -199,9 +200,9 @@ def _fit(
         current = current.step(_solve(slope, weight, mean, current.moved, config), focal)
         # Half of the variance that a line has if all distances are as likely.
         sharp = variance < (config.reach * scale) ** 2 / 6
-        agreement = float(
-            np.average(sharp & (np.abs(mean) < config.agreement_error), weights=contour.lengths)
-        )
+        agrees = sharp & (np.abs(mean) < config.agreement_error)
+        known = contour.lengths * seen[tuple(contour.inside.T)]  # the rest is beside the image
+        agreement = float((agrees * known).sum() / max(known.sum(), 1e-9))
     return current, agreement
 
 

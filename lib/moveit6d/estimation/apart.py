@@ -119,4 +119,6 @@ def _failed(result: Refined) -> Refined:
         confidence=0.0,
         error=TAKEN,
         localizability=0.0,
+        contour_agreement=None,
+        covariance=None,
     )

@@ -42,7 +42,8 @@ class Supervisor:
         begin = TrackingState.TRACKING if found else TrackingState.LOST
         self.machine = StateMachine(config.states, begin)
         self._steps: Steps | None = None
-        self._waiting, self._interval = 0, min(config.first_interval, config.interval)
+        self._first_interval = min(config.first_interval, config.interval)
+        self._waiting, self._interval = 0, self._first_interval
         self._near = found
         self.check: HalfTurnCheck | None = None  # of a pose that a search found
 
@@ -64,7 +65,7 @@ class Supervisor:
             probability = probability_of(self.config.states, result.confidence, agreement)
         state = self.machine.update(probability)
         if state is TrackingState.TRACKING:
-            self._near, self._interval = True, self.config.first_interval
+            self._near, self._interval = True, self._first_interval
         if self.lost:
             return _without_pose(result, result.error or LOST)
         return replace(result, state=state)

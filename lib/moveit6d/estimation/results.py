@@ -19,6 +19,7 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..typing import ImageLike
+from .covariance import outer_covariance
 from .keyframes import KeyframeMemory
 from .states import TrackingState
 
@@ -98,7 +99,7 @@ class Start:
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """The outcome of a loop: as `TrackingResult`, with a centred pose."""
+    """The outcome of a loop: as `TrackingResult`, with a centred pose and its covariance."""
 
     centred: Pose | None
     iterations: int
@@ -112,7 +113,11 @@ class Refined:
 
     def result(self, mesh: Mesh) -> TrackingResult:
         """The outcome as users get it, in the mesh file's frame."""
-        pose = None if self.centred is None else mesh.outer(self.centred)
+        pose = covariance = None
+        if self.centred is not None:
+            pose = mesh.outer(self.centred)
+            if self.covariance is not None:
+                covariance = outer_covariance(self.covariance, self.centred, mesh)
         return TrackingResult(
             pose,
             self.iterations,
@@ -122,7 +127,7 @@ class Refined:
             self.error,
             self.localizability,
             self.contour_agreement,
-            covariance=self.covariance,
+            covariance=covariance,
         )
 
 

@@ -18,7 +18,7 @@ from ..config import ActionMode, LoopConfig
 from ..geometry.crop import Crop
 from ..geometry.pose import Pose
 from ..geometry.visibility import why_unseen
-from .covariance import pose_covariance
+from .covariance import centred_covariance
 from .localizability import localizability
 from .results import Refined, Start, StopReason
 from .visibility import start_problem
@@ -87,8 +87,8 @@ class Trajectory:
         diameter, information = self.seen[self.best]
         covariance = None
         if information is not None:
-            covariance = pose_covariance(
-                information, centred, mesh, diameter, self.crop, self.loop.displacement_error
+            covariance = centred_covariance(
+                information, centred, diameter, self.crop, self.loop.displacement_error
             )
         return Refined(
             centred, iterations, reason, confidence, milliseconds,

@@ -52,7 +52,8 @@ def motion_costs(
         tracker = PoseTracker(
             mesh, scene.camera, first.pose, policy=policy, renderer=renderer, config=config
         )
-        tracker.calibrate(first.image)
+        if config.calibration.enabled:
+            tracker.calibrate(first.image)
         results = [tracker.update(scene.render_frame(k).image) for k in range(1, frames)]
         counts = np.array([result.iterations for result in results])
         spent = np.array([result.milliseconds for result in results])

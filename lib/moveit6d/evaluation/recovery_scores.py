@@ -87,14 +87,19 @@ def score_recovery(
     surface: EvaluationPoints,
     first: int = 0,
 ) -> RecoveryScore:
-    """Count the frames of one cut track; that of the start, `first`, does not count."""
+    """Count the frames of one cut track; that of the start, `first`, does not count.
+
+    Nor do frames without a true pose, but while the object is away, where none is needed.
+    """
     found, lost, claims, tracked = ([0, 0] for _ in range(4))
     for frame, row in rows.items():
+        number = frame - first
+        if frame not in truth and not GONE[0] <= number < GONE[1]:
+            continue
         error = float("inf")
         if row.pose is not None and frame in truth:
             add = metrics.add_s(row.pose, truth[frame], surface.points, surface.symmetric)
             error = float(add) / surface.diameter
-        number = frame - first
         away = GONE[0] + SETTLED <= number < GONE[1]
         there = 0 < number < GONE[0] or number >= GONE[1]
         claimed, good = row.state == "tracking", there and error < metrics.ADD_LIMIT

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from ..rendering.renderer import Renderer
 
 # Of our own tracks: what every result has, and what a report of it needs.
-OWN_COLUMNS = (*RESULT_COLUMNS, "steps", "stopped_by", "confidence", "reset")
+OWN_COLUMNS = (*RESULT_COLUMNS, "steps", "stopped_by", "confidence", "reset", "state")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,11 +145,12 @@ def run_all(
             yield Finished(job, Tracked(rows), kept=True)
             continue
         waiting.append(job)
-        if store is not None:
-            store.begin(job)
 
     def one(job: Job) -> Tracked:
-        return here(job, None if store is None else store.file(job))
+        if store is None:
+            return here(job, None)
+        store.begin(job)
+        return here(job, store.file(job))
 
     if workers.here:
         results: Iterable[JobResult[Tracked]] = run_jobs(one, waiting)
@@ -158,10 +159,12 @@ def run_all(
         results = found if watch is None else watch(found, len(waiting))
     for result in results:
         job = waiting[result.index]
-        if result.result is not None and store is not None:
-            if not workers.here:
+        if store is not None and not workers.here:
+            store.begin(job)  # until now the older track was whole
+            if result.result is not None:
                 rows = result.result.rows
                 write_poses(store.file(job), [rows[frame] for frame in sorted(rows)], OWN_COLUMNS)
+        if store is not None and result.result is not None:
             store.finish(job, result.result, facts or {})
         yield Finished(job, result.result, result.error)
 

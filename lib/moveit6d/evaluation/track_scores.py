@@ -68,7 +68,8 @@ class FrameError:
 class Score:
     """Figures of one sequence. Shares are of 1, lengths in metres.
 
-    `until_lost` counts frames from the start, frames + 1 for a track that is never lost;
+    `until_lost` counts scored frames from the start, frames + 1 for a track that is never lost,
+    and `lost_at` is the number of the frame at which it is lost, None if it never is;
     `milliseconds` and `iterations` are the median frame's, None if nobody counted.
     """
 
@@ -83,6 +84,7 @@ class Score:
     milliseconds: float | None
     missing: int
     iterations: float | None = None
+    lost_at: int | None = None
 
     @property
     def never_lost(self) -> bool:
@@ -126,18 +128,20 @@ def score(
     iterations = _known(row.iterations for row in rows)
     cut = add.clamp_max(surface.diameter)
     limit = metrics.ADD_LIMIT * surface.diameter
+    until_lost = metrics.frames_until_lost(add, limit)
     return Score(
         frames=len(errors),
         below_10=metrics.accuracy(add, limit),
         below_5=metrics.accuracy(add, limit / 2),
         mean_add=float(cut.mean()),
         median_add=float(np.median(cut.numpy())),
-        until_lost=metrics.frames_until_lost(add, limit),
+        until_lost=until_lost,
         within_5cm_5deg=float(np.mean(near)),
         resets=sum(row.reset for row in rows),
         milliseconds=float(np.median(times)) if times else None,
         missing=int(torch.isinf(add).sum()),
         iterations=float(np.median(iterations)) if iterations else None,
+        lost_at=errors[until_lost - 1].frame if until_lost <= len(errors) else None,
     )
 
 

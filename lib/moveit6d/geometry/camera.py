@@ -158,12 +158,14 @@ class Camera:
     def project(self, points: Tensor) -> Tensor:
         """Pixels of points in the camera's frame, through the lens: (..., 3) metres → (..., 2).
 
-        Points on the camera's plane (z = 0) have no pixel and give NaN.
+        Points on the camera's plane (z = 0) have no pixel and give NaN. Whole numbers count as
+        float64.
 
         >>> import torch
         >>> Camera(600, 600, 320, 240, 640, 480).project(torch.tensor([0.1, 0.0, 0.5]))
         tensor([440., 240.])
         """
+        points = _floating(points)
         flat = points.reshape(-1, 3)
         plane = flat[:, :2] / flat[:, 2:]
         if self.lens is not None:
@@ -178,8 +180,8 @@ class Camera:
     def unproject(self, pixels: Tensor, depth: Tensor | float = 1.0) -> Tensor:
         """Points in the camera's frame behind pixels (..., 2) at a depth z: (..., 3) metres.
 
-        `depth` (...) is a number or broadcasts against the pixels. Of a pinhole camera: undo the
-        lens first (`undistort`), or it is an `InputError`.
+        `depth` (...) is a number or broadcasts against the pixels; whole pixels count as float64.
+        Of a pinhole camera: undo the lens first (`undistort`), or it is an `InputError`.
 
         >>> import torch
         >>> Camera(600, 600, 320, 240, 640, 480).unproject(torch.tensor([440.0, 240.0]), 0.5)
@@ -187,6 +189,7 @@ class Camera:
         """
         if self.lens is not None:
             raise InputError("Camera.unproject: undo the lens first, with Camera.undistort.")
+        pixels = _floating(pixels)
         flat = pixels.reshape(-1, 2)
         z = torch.as_tensor(depth).to(pixels).expand(pixels.shape[:-1]).reshape(-1, 1)
         matrix = self.matrix.to(pixels).expand(len(flat), 3, 3)
@@ -246,6 +249,11 @@ def project(points: Tensor, intrinsics: Tensor) -> Tensor:
     plane = points[..., :2] / points[..., 2:]
     sheared = torch.cat([skew * plane[..., 1:], torch.zeros_like(plane[..., 1:])], -1)
     return plane * focal + sheared + centre
+
+
+def _floating(values: Tensor) -> Tensor:
+    """Whole numbers as float64: intrinsics and depths rounded to integers would be wrong."""
+    return values if values.is_floating_point() else values.to(torch.float64)
 
 
 def _array(values: Any, what: str) -> np.ndarray[Any, np.dtype[np.float64]]:

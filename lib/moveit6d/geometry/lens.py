@@ -131,33 +131,36 @@ class Lens:
         are their intrinsics. Returns u and v (size, size); rays that the lens does not show lie far
         outside.
         """
-        u, v = self._rectify(rotation, virtual, matrix, (size, size), _float_maps())
-        line = np.arange(size, dtype=np.float64)
-        back = rotation.T @ np.linalg.inv(virtual)
-        rows = back[:, 1, None] * line + back[:, 2, None]
-        corners = [rows[:, i] + back[:, 0] * line[j] for i in (0, -1) for j in (0, -1)]
-        # z is linear and the tangent quasi-convex over the patch: the corners have the extremes.
-        if not self.shows(np.array(corners)).all():
-            rays = rows[:, :, None] + (back[:, 0, None] * line)[:, None]
-            shown = self.shows(rays.reshape(3, -1).T).reshape(size, size)
-            u, v = np.where(shown, u, np.float32(-_FAR)), np.where(shown, v, np.float32(-_FAR))
-        return u, v
+        return self._rectify(rotation, virtual, matrix, size, size)
 
     def undistortion_maps(self, matrix: Float64, width: int, height: int) -> tuple[Any, Any]:
-        """OpenCV's fixed-point maps from the pinhole image to the real one, kept for next time."""
+        """OpenCV's fixed-point maps from the pinhole image to the real one, kept for next time.
+
+        Pixels whose rays the lens does not show map to far outside.
+        """
         entries = tuple(float(value) for value in matrix.reshape(9))
         return _kept_maps(self, entries, width, height)
 
     def _rectify(
-        self, rotation: Float64, virtual: Float64, matrix: Float64, size: tuple[int, int], kind: int
-    ) -> tuple[Any, Any]:
+        self, rotation: Float64, virtual: Float64, matrix: Float64, width: int, height: int
+    ) -> tuple[Float32, Float32]:
+        """`patch_map` for a virtual picture of width × height."""
         import cv2
 
-        lens = np.array(self.coefficients)
+        lens, size, kind = np.array(self.coefficients), (width, height), cv2.CV_32FC1
         module = cv2.fisheye if self.model == "fisheye" else cv2
         u, v = module.initUndistortRectifyMap(matrix, lens, rotation, virtual, size, kind)
-        if kind == _float_maps() and matrix[0, 1]:
+        if matrix[0, 1]:
             u = u + skewed(v, matrix).astype(np.float32)
+        back = rotation.T @ np.linalg.inv(virtual)
+        columns = back[:, 0, None] * np.arange(width, dtype=np.float64)
+        rows = back[:, 1, None] * np.arange(height, dtype=np.float64) + back[:, 2, None]
+        corners = [rows[:, i] + columns[:, j] for i in (0, -1) for j in (0, -1)]
+        # z is linear and the tangent quasi-convex over the picture: its corners have the extremes.
+        if not self.shows(np.array(corners)).all():
+            rays = rows[:, :, None] + columns[:, None]
+            shown = self.shows(rays.reshape(3, -1).T).reshape(height, width)
+            u, v = np.where(shown, u, np.float32(-_FAR)), np.where(shown, v, np.float32(-_FAR))
         return u, v
 
 
@@ -239,16 +242,9 @@ def _kept_maps(lens: Lens, entries: tuple[float, ...], width: int, height: int) 
     import cv2
 
     matrix = np.array(entries).reshape(3, 3)
-    size = (width, height)
-    u, v = lens._rectify(np.eye(3), matrix, matrix, size, _float_maps())
+    u, v = lens._rectify(np.eye(3), matrix, matrix, width, height)
     fixed: tuple[Any, Any] = cv2.convertMaps(u, v, cv2.CV_16SC2)
     return fixed
-
-
-def _float_maps() -> int:
-    import cv2
-
-    return int(cv2.CV_32FC1)
 
 
 def _polynomial(square: Float64, coefficients: tuple[float, ...]) -> Float64:

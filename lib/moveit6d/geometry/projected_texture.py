@@ -60,6 +60,7 @@ def paint(
     facing = np.abs((normals * rays).sum(1))  # single sheets are seen from both sides
     seen = (facing > config.min_facing) & _in_image(pixels[faces], camera)
     steep, tolerance = np.maximum(facing, config.min_facing), config.hidden * mesh.sphere_diameter
+    seen &= (corners[..., 2] > 0).all(1)  # what is behind the camera has pixels too
     seen &= ~_hidden(corners, middles, steep, camera, tolerance)
     if seen.sum() < 4:
         raise InputError(

@@ -93,9 +93,24 @@ def _draw(
         return
     shown, limit = (values, low_confidence) if name == "confidence" else (_cut(values), 10.0)
     axis.axhline(limit, color=ORANGE, linewidth=0.8, linestyle="--")
-    axis.plot(curves.frames, shown, color=BLUE, linewidth=1.2)
+    for frames, part in _parts(curves, shown):
+        # A line through one point alone cannot be seen.
+        axis.plot(frames, part, "." if len(part) == 1 else "-", color=BLUE, linewidth=1.2)
     known = [value for value in shown if not math.isnan(value)]
     axis.set_ylim(0, 1.04 if name == "confidence" else max(15.0, 1.06 * max(known, default=0.0)))
+
+
+def _parts(curves: Curves, shown: Sequence[float]) -> list[tuple[list[int], list[float]]]:
+    """Frames and numbers of each line: it joins what is known and ends at a missing pose."""
+    found: list[tuple[list[int], list[float]]] = [([], [])]
+    missing = set(curves.missing)
+    for frame, value in zip(curves.frames, shown, strict=True):
+        if frame in missing:
+            found.append(([], []))
+        elif not math.isnan(value):
+            found[-1][0].append(frame)
+            found[-1][1].append(value)
+    return [part for part in found if part[0]]
 
 
 def _cut(values: Sequence[float]) -> list[float]:

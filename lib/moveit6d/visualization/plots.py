@@ -6,6 +6,7 @@ Never computes a figure. The same chart gives the same file: no dates and no ran
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from .charts import BarChart, Chart, LineChart, Panel, Sheet
 
 KINDS = ("png", "svg")
 DOTS_AN_INCH = 130
+LETTER = 0.65 / 72  # inches of a letter's width, a point of the font's size
 STYLE: dict[Any, Any] = {
     "svg.hashsalt": "moveit6d",
     "font.size": 9,
@@ -35,9 +37,7 @@ def draw(chart: Chart, folder: str | Path, data: str = "") -> list[Path]:
     from matplotlib import rc_context
 
     with rc_context(STYLE):
-        figure = _figure(chart)
-        if data:
-            figure.supxlabel(f"ours: {data}", fontsize=7, color="#666666")
+        figure = _figure(chart, data)
         written = [Path(folder) / f"{chart.name}.{kind}" for kind in KINDS]
         for path in written:
             # An SVG has its date in it unless told otherwise; a PNG has none.
@@ -47,26 +47,39 @@ def draw(chart: Chart, folder: str | Path, data: str = "") -> list[Path]:
     return written
 
 
-def _figure(chart: Chart) -> Any:
-    from matplotlib.figure import Figure
-
-    if isinstance(chart, Sheet):
-        return _sheet(chart)
-    wide = 0.45 * len(chart.categories) + 2 if isinstance(chart, BarChart) else 6.4
-    figure = Figure(figsize=(max(5.0, wide), 4.0), layout="constrained")
-    axes = figure.add_subplot()
-    if isinstance(chart, BarChart):
-        _bars(axes, chart)
-    else:
-        _lines(axes, chart)
-    axes.set_title(chart.title)
+def _figure(chart: Chart, data: str) -> Any:
+    figure = _sheet(chart) if isinstance(chart, Sheet) else _single(chart)
+    if data:
+        caption = _wrapped(f"ours: {data}", figure.get_figwidth(), 7)
+        figure.supxlabel(caption, fontsize=7, color="#666666")
     return figure
 
 
-def _lines(axes: Any, chart: LineChart) -> None:
-    """Curves; those of the right axis are dashed."""
+def _single(chart: LineChart | BarChart) -> Any:
+    from matplotlib.figure import Figure
+
+    wide = 0.45 * len(chart.categories) + 2 if isinstance(chart, BarChart) else 6.4
+    width = max(5.0, wide)
+    figure = Figure(figsize=(width, 4.4), layout="constrained")
+    axes = figure.add_subplot()
+    handles = _bars(axes, chart) if isinstance(chart, BarChart) else _lines(axes, chart)
+    axes.set_title(_wrapped(chart.title, width, 11))
+    labels = [_wrapped(handle.get_label(), width - 1, 9) for handle in handles]
+    longest = max((len(line) for label in labels for line in label.split("\n")), default=0)
+    columns = max(1, int(width / (9 * LETTER * longest + 0.6)))  # 0.6: what stands for the curve
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns)
+    return figure
+
+
+def _wrapped(text: str, width: float, size: float) -> str:
+    """The text in lines of so many inches, in letters of so many points."""
+    return fill(text, max(1, int(width / (size * LETTER))))
+
+
+def _lines(axes: Any, chart: LineChart) -> list[Any]:
+    """Curves, which are returned for a legend; those of the right axis are dashed."""
     right = axes.twinx() if any(curve.right for curve in chart.curves) else None
-    handles = []
+    handles: list[Any] = []
     for number, curve in enumerate(chart.curves):
         place = right if curve.right and right is not None else axes
         style: dict[str, Any] = {"linestyle": "--" if curve.right else "-", "marker": "o"}
@@ -82,24 +95,26 @@ def _lines(axes: Any, chart: LineChart) -> None:
         right.set_ylabel(chart.right_label)
         right.set_ylim(bottom=0)
         right.grid(False)
-    axes.legend(handles=handles, loc="best")
+    return handles
 
 
-def _bars(axes: Any, chart: BarChart) -> None:
+def _bars(axes: Any, chart: BarChart) -> list[Any]:
+    """Bars; each series is returned for a legend."""
     width = 0.8 / max(1, len(chart.series))
     places = np.arange(len(chart.categories))
+    handles: list[Any] = []
     for number, (name, values) in enumerate(chart.series.items()):
         heights = [np.nan if value is None else value for value in values]
         offset = (number - (len(chart.series) - 1) / 2) * width
         color = COLORS[number % len(COLORS)]
-        axes.bar(places + offset, heights, width, label=name, color=color)
+        handles.append(axes.bar(places + offset, heights, width, label=name, color=color))
     many = len(chart.categories) > 6
     axes.set_xticks(
         places, chart.categories, rotation=60 if many else 0, ha="right" if many else "center"
     )
     axes.set_ylabel(chart.y_label)
     axes.grid(axis="x", visible=False)
-    axes.legend(loc="upper left", bbox_to_anchor=(0, -0.07 if not many else 1.25), ncols=4)
+    return handles
 
 
 def _sheet(chart: Sheet) -> Any:
@@ -111,9 +126,10 @@ def _sheet(chart: Sheet) -> Any:
     figure = Figure(figsize=(side * chart.columns, 0.95 * side * rows), layout="constrained")
     for number, panel in enumerate(chart.panels, 1):
         axes = figure.add_subplot(rows, chart.columns, number)
-        axes.set_title(panel.title, fontsize=8)
+        axes.set_title(_wrapped(panel.title, 0.9 * side, 8), fontsize=8)
         if panel.lines is not None:
-            _lines(axes, panel.lines)
+            handles = _lines(axes, panel.lines)
+            axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
         else:
             _picture(figure, axes, panel)
     return figure

@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+import trimesh
 
 from moveit6d import Camera, InputError, Mesh, Pose
 from moveit6d.config import RegionConfig
 from moveit6d.estimation.detection import SearchRegion
 from moveit6d.estimation.detection.agreement import disagreement, given_poses
+from moveit6d.geometry.visibility import seen_box
 
 CAMERA = Camera(500.0, 500.0, 319.5, 239.5, 640, 480)
 CONFIG = RegionConfig()
@@ -98,10 +100,50 @@ def test_points_are_of_one_instance(box: Mesh) -> None:
 
 def test_a_box_that_is_too_large_for_a_distance_is_refused(box: Mesh) -> None:
     known = SearchRegion(box=BOX, distance=(2, 2.5))
-    with pytest.raises(InputError, match="even at 2 m the object would be no more than 33 pixels"):
+    words = (
+        r"^distance 2 2\.5 and box con.*even at 2 m the object would be no more than \d\d % as long"
+    )
+    with pytest.raises(InputError, match=words):
         given_poses(known, box, CAMERA, None, 1, CONFIG)
     hidden = SearchRegion(box=(310, 230, 20, 20), distance=(0.4, 0.6))  # a part of it is seen
     assert given_poses(hidden, box, CAMERA, None, 1, CONFIG) == []
+
+
+WIDE = Camera.from_fov(110, 1280, 1280)
+FISHEYE = Camera(400, 400, 639.5, 479.5, 1280, 960, (0.02, -0.005, 0.001, -0.0002), "fisheye")
+
+
+def aside(degrees: float, distance: float) -> Pose:
+    angle = np.radians(degrees)
+    return at(distance * np.sin(angle), distance * np.cos(angle))
+
+
+def ball() -> Mesh:
+    sphere = trimesh.creation.icosphere(3, 0.05)
+    return Mesh.from_arrays("ball", sphere.vertices, sphere.faces)
+
+
+@pytest.mark.parametrize(("camera", "degrees"), [(WIDE, 48), (FISHEYE, 50), (FISHEYE, 55)])
+def test_far_from_the_axis_things_are_longer(camera: Camera, degrees: float) -> None:
+    mesh = ball()
+    left, top, right, bottom = seen_box(aside(degrees, 0.6), mesh, camera)
+    box = (left, top, right - left, bottom - top)
+    for distance, agrees in (((0.57, 0.63), True), ((1.8, 2.0), False)):
+        known = SearchRegion.checked(camera, box=box, distance=distance).undistorted(camera)
+        if agrees:
+            assert given_poses(known, mesh, camera, None, 1, CONFIG) == []
+            continue
+        with pytest.raises(InputError, match=r"distance 1\.8 2 and box contradict each other"):
+            given_poses(known, mesh, camera, None, 1, CONFIG)
+
+
+def test_far_from_the_axis_a_start_may_be_as_many_widths_aside() -> None:
+    mesh = ball()
+    left, top, right, bottom = seen_box(aside(48, 0.6), mesh, WIDE)
+    known = SearchRegion(box=(left, top, right - left, bottom - top))
+    near = aside(37, 0.6)
+    assert disagreement(known, mesh, WIDE, near, CONFIG.near_shift) is None
+    assert disagreement(known, mesh, WIDE, near) is not None
 
 
 def test_a_lens_is_undone_before(box: Mesh) -> None:

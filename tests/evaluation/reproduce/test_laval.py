@@ -76,3 +76,30 @@ def test_other_sequences_are_left_out(video: Sequence) -> None:
     assert laval.occlusion_videos([video, other]) == [video]
     with pytest.raises(InputError, match="OBJECT_occlusion_0"):
         laval.occlusion_videos([other])
+
+
+def failures(*tracks: ScoredTrack) -> Any:
+    table = laval.reproduction({"full": laval.measure(tracks)}, "surrogate", {}).tables[1]
+    return dict(zip(table.head, table.rows[0], strict=True))["failures"]
+
+
+def test_a_run_of_bad_frames_ends_with_its_track_and_at_a_given_pose(video: Sequence) -> None:
+    short, long = (a_track(video, 0.05, [0, 0, 0], frames) for frames in (7, 14))
+    given = replace(long, frames=(*range(1, 8), *range(9, 16)))
+    assert failures(short, short) == failures(given) == 0
+    assert failures(long) == 1 and failures(long, short, long) == 2
+
+
+def test_the_papers_curves_are_of_our_objects(video: Sequence) -> None:
+    figures = laval.measure([a_track(video, 0.01, [0, 0, 6])])
+    chart = laval.reproduction({"full": figures}, "surrogate", {}).charts[0]
+    paper = next(curve for curve in chart.curves if curve.label == "paper full")  # type: ignore[union-attr]
+    assert dict(zip(paper.x, paper.y, strict=True))[15.0] == 28.37
+
+
+def test_frames_without_iterations_are_not_in_the_median(video: Sequence) -> None:
+    for counts, expected in (((None, None, 4, 4), 4), ((None,) * 4, None)):
+        track = replace(a_track(video, 0.01, [0, 0, 0]), iterations=counts)
+        table = laval.reproduction({"full": laval.measure([track])}, "", {}).tables[1]
+        found = dict(zip(table.head, table.rows[0], strict=True))
+        assert found["median iterations"] == expected

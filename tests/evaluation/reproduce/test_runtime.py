@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from moveit6d.datasets.sequences import Sequence
 from moveit6d.evaluation.iteration_timing import IterationTimes
 from moveit6d.evaluation.reproduce import runtime
@@ -28,3 +30,16 @@ def test_runtime_stands_beside_the_paper_without_rendering(video: Sequence) -> N
         len(runtime.reproduction(IterationTimes(parts, 17.5, 18.0), [], "surrogate", {}).tables)
         == 1
     )
+
+
+def test_frames_that_nobody_counted_are_not_averaged(video: Sequence) -> None:
+    parts = dict.fromkeys(("crop", "render", "observe", "network", "move"), 1.0)
+    truth = Pose.identity(2)
+    some = ScoredTrack(video, (1, 2), truth, truth, 1, (3, None), (40.0, None))
+    none = ScoredTrack(
+        replace(video, name="dark"), (1, 2), truth, truth, 2, (None,) * 2, (None,) * 2
+    )
+    found = runtime.reproduction(IterationTimes(parts, 5.0, 5.0), [some, none], "", {})
+    frames = {row[0]: row[1:] for row in found.tables[1].rows}
+    assert frames["easy_00"] == (2, 3.0, 12.0, 40.0) and frames["dark"] == (2, None, None, None)
+    assert frames["all frames"] == (4, 3.0, 12.0, 40.0)

@@ -48,4 +48,5 @@ def test_a_frame_without_a_pose_keeps_the_last_one(video: Sequence) -> None:
     rows = {2: PoseRow(2, pose=moved, iterations=3), 3: PoseRow(3)}
     track = scored(video, rows)
     assert track is not None and track.frames == (2, 3) and track.held == 1
+    assert track.iterations == (3, None) and track.milliseconds == (None, None)
     torch.testing.assert_close(track.estimate.translation[1], moved.translation)

@@ -95,3 +95,11 @@ def test_sequences_of_an_object_are_pooled(video: Sequence) -> None:
     tracks = [a_track(replace(video, name=f"easy_0{k}"), TRUTH) for k in range(2)]
     scores = ycb.measure(tracks)
     assert len(scores.plain["easy"].add) == 2 * N and len(scores.shifts) == 2
+
+
+def test_bars_of_means_are_of_our_objects(video: Sequence) -> None:
+    name = next(iter(published.YCB_ADD.rows))
+    scores = ycb.measure([a_track(replace(video, object=name), TRUTH)])
+    chart = ycb.add_reproduction(scores, "surrogate", {}).charts[0]
+    for bars in chart.series.values():  # type: ignore[union-attr]
+        assert bars[-1] == bars[0] is not None

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import torch
 
 from ...config import RegionConfig
 from ...errors import InputError
@@ -23,7 +24,7 @@ from .region import SearchRegion
 # of the object, and must cover this share of a box or mask, which may be larger than the object.
 DISTANCE_RATIO = 1.1
 LEAST_COVERED = 0.3
-BOX_RATIO = 1.5  # by which a box may be wider than the object can be at a distance
+BOX_RATIO = 1.5  # by which a box may be longer than the object can be at a distance
 
 
 def disagreement(
@@ -49,7 +50,9 @@ def disagreement(
     if bounds is None:
         return None
     left, top, right, bottom = seen_box(centred, mesh, camera)
-    margin = shift * camera.fx * mesh.sphere_diameter / distance
+    x, y, z = centred.translation.tolist()
+    tangent = float(np.hypot(x, y)) / max(z, radius)  # of a start at z = 0 it would have no end
+    margin = shift * _longest(mesh, camera, distance, tangent)
     grown = (left - margin, top - margin, right + margin, bottom + margin)
     if _covered(known, grown) >= LEAST_COVERED:
         return None
@@ -99,14 +102,27 @@ def _check_known(known: SearchRegion, mesh: Mesh, camera: Camera, config: Region
     """`InputError` for a box or mask that is too large for the object at any distance given."""
     if known.distance is None or known.bounds is None:
         return
-    side, nearest = max(known.bounds[2:]), known.distance[0]
-    widest = 0.5 * (camera.fx + camera.fy) * mesh.sphere_diameter / nearest
-    if BOX_RATIO * widest < config.box_ratio[0] * side:
-        given = f"{_named('distance', known.distance)} and {_name_of_box(known)}"
+    (x, y, width, height), nearest = known.bounds, known.distance[0]
+    corners = torch.tensor([[u, v] for u in (x, x + width) for v in (y, y + height)]).double()
+    tangent = float(camera.pinhole.unproject(corners)[:, :2].norm(dim=1).max())
+    longest, side = _longest(mesh, camera, nearest, tangent), max(width, height)
+    if BOX_RATIO * longest < config.box_ratio[0] * side:
+        # Once a lens is undone, pixels are no longer those of the user's image.
+        what = "box" if known.mask is None else "mask"
         raise InputError(
-            f"{given} contradict each other: even at {nearest:g} m the object would be no more "
-            f"than {widest:.0f} pixels wide; check the metres and the mesh's unit."
+            f"{_named('distance', known.distance)} and {what} contradict each other: even at "
+            f"{nearest:g} m the object would be no more than {100 * longest / side:.0f} % as long "
+            f"as the {what}; check the metres and the mesh's unit."
         )
+
+
+def _longest(mesh: Mesh, camera: Camera, distance: float, tangent: float) -> float:
+    """Pixels that the object is long at most, so far from the axis (tangent of the angle to it).
+
+    A pinhole image, which has no lens, draws things out from the axis by 1 / cos² of the angle.
+    """
+    ahead = 0.5 * (camera.fx + camera.fy) * mesh.sphere_diameter / distance
+    return ahead * (1 + tangent**2)
 
 
 def _covered(known: SearchRegion, edges: tuple[float, float, float, float]) -> float:

@@ -24,7 +24,7 @@ from ...policies import LoopState, Policy
 from ...rendering.renderer import Renderer
 from ...visualization.charts import Panel, Sheet
 from . import published_figures as published
-from .convergence import Plan, frames_of
+from .convergence import Plan, frames_of, wanted_frames
 from .reproduction import Cell, Reproduction, Table
 
 MODEL = "model"  # name of the column of the model itself
@@ -63,16 +63,14 @@ def column_names(checkpoints: Sequence[tuple[Path, object]]) -> list[str]:
 
 
 def patches(videos: Sequence[Video], frames: int, renderer: Renderer) -> list[Patch]:
-    """`frames` cases of every sequence, a little away from the truth."""
+    """`frames` cases of every sequence that can be read, a little away from the truth."""
     found = []
     for video in videos:
         mesh = video.load_mesh()
         wanted = frames_of(video, Plan(frames=frames))
         diameter = torch.tensor([mesh.sphere_diameter], dtype=torch.float64)
-        for frame in video.open():
-            if frame.index > wanted[-1]:
-                break
-            if frame.index not in wanted or frame.image is None:
+        for frame in wanted_frames(video, wanted):
+            if frame.image is None:
                 continue
             picture = prepare_frame(frame.image, video.camera)
             inner = mesh.inner(video.truth[frame.index].to(torch.float64))

@@ -6,6 +6,7 @@ see `Reading`; both are offered because only one of them fits the paper's own te
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -119,10 +120,25 @@ def frames_of(video: Video, plan: Plan) -> list[int]:
     return [known[k] for k in chosen]
 
 
+def wanted_frames(video: Video, wanted: Sequence[int]) -> Iterator[VideoFrame]:
+    """The frames of these numbers (sorted); one that the video lacks comes without an image."""
+    left = deque(wanted)
+    for frame in video.open():
+        while left and left[0] < frame.index:
+            yield VideoFrame(left.popleft(), "", None)
+        if left and left[0] == frame.index:
+            left.popleft()
+            yield frame
+        if not left:
+            return
+    for index in left:
+        yield VideoFrame(index, "", None)
+
+
 def run(
     video: Video, policy: Policy, renderer: Renderer, plan: Plan
 ) -> Iterator[list[ConvergenceTrial]]:
-    """All trials of one frame after the other."""
+    """All trials of one frame after the other; none of a frame that cannot be read."""
     mesh = video.load_mesh()
     points = torch.from_numpy(mesh.sample_points(POINTS))
     wanted = frames_of(video, plan)
@@ -132,13 +148,13 @@ def run(
         for m in plan.ms:
             number = max(1, round(share_of_frames(m) * len(wanted)))
             used[reading, m] = {wanted[k] for k in random.permutation(len(wanted))[:number]}
-    for frame in video.open():
-        if frame.index > wanted[-1]:
-            return
+    for frame in wanted_frames(video, sorted(set().union(*used.values()))):
+        if frame.image is None:
+            yield []
+            continue
         cases = [key for key, frames in used.items() if frame.index in frames]
-        if frame.image is not None and cases:
-            signs = torch.from_numpy(random.choice([-1.0, 1.0], (len(cases), 6)))
-            yield _trials(video, mesh, points, frame, cases, signs, policy, renderer, plan)
+        signs = torch.from_numpy(random.choice([-1.0, 1.0], (len(cases), 6)))
+        yield _trials(video, mesh, points, frame, cases, signs, policy, renderer, plan)
 
 
 def _trials(

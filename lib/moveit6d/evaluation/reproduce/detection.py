@@ -24,7 +24,7 @@ from ...geometry.pose import Pose
 from ...visualization.charts import Curve, LineChart, Panel, Sheet
 from .. import metrics
 from . import published_figures as published
-from .convergence import POINTS, Plan, frames_of
+from .convergence import POINTS, Plan, frames_of, wanted_frames
 from .reproduction import Cell, Reproduction, Table, mean
 
 TURNS = tuple(range(-45, 46, 3))  # degrees about the viewing axis, for the last curve
@@ -64,15 +64,16 @@ class Example:
 def run(
     videos: Sequence[Video], make: Mapping[str, SeedDetector], frames: int
 ) -> Iterator[tuple[DetectionTrial, Image, SeedDetection]]:
-    """Detect in `frames` frames of every sequence; `make` holds each sequence's detector."""
+    """Detect in `frames` frames of every sequence, of which those that cannot be read are left out.
+
+    `make` holds each sequence's detector.
+    """
     for video in videos:
         detector = make[video.name]
         points = torch.from_numpy(detector.mesh.sample_points(POINTS))
         wanted = frames_of(video, Plan(frames=frames))
-        for frame in video.open():
-            if frame.index > wanted[-1]:
-                break
-            if frame.index not in wanted or frame.image is None:
+        for frame in wanted_frames(video, wanted):
+            if frame.image is None:
                 continue
             begin = time.perf_counter()
             found = detector.detect(frame.image)

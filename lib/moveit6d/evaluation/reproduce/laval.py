@@ -6,6 +6,7 @@ which the pose is given left out; the angle itself stands beside it.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -17,7 +18,7 @@ from ...errors import InputError
 from ...visualization.charts import Curve, LineChart
 from .. import metrics
 from . import published_figures as published
-from .reproduction import Cell, Reproduction, Table, mean
+from .reproduction import Cell, Reproduction, Table, mean, median
 from .tracks import ScoredTrack
 
 GROUPS = {f"occlusion_{level}": level for level in published.LAVAL_LEVELS}
@@ -33,13 +34,15 @@ NOTES = (
 class Cells:
     """Frames (N,) of one object at one level: errors, and the iterations that they took.
 
-    Errors are metres, official degrees and degrees of the angle.
+    Errors are metres, official degrees and degrees of the angle; None is a frame of which nobody
+    counted iterations. `failures` are those of all its tracks.
     """
 
     translation: Tensor
     official: Tensor
     angle: Tensor
-    iterations: Tensor
+    iterations: tuple[int | None, ...]
+    failures: int
 
 
 Figures = Mapping[tuple[str, int], Cells]  # by object and level
@@ -66,10 +69,20 @@ def measure(tracks: Iterable[ScoredTrack]) -> dict[tuple[str, int], Cells]:
             torch.cat([metrics.translation_error(t.estimate, t.truth) for t in group]),
             torch.cat([metrics.laval_rotation_error(t.estimate, t.truth) for t in group]),
             torch.cat([metrics.rotation_error(t.estimate, t.truth) for t in group]),
-            torch.cat([torch.tensor(t.iterations) for t in group]),
+            tuple(itertools.chain.from_iterable(t.iterations for t in group)),
+            sum(map(_failures, group)),
         )
         for key, group in found.items()
     }
+
+
+def _failures(track: ScoredTrack) -> int:
+    """Of one track; a run of bad frames ends where frames are not scored, as at a given pose."""
+    translation = metrics.translation_error(track.estimate, track.truth)
+    official = metrics.laval_rotation_error(track.estimate, track.truth)
+    ends = [k for k, (a, b) in enumerate(itertools.pairwise(track.frames), 1) if b > a + 1]
+    parts = zip(translation.tensor_split(ends), official.tensor_split(ends), strict=True)
+    return sum(metrics.laval_failures(*part) for part in parts)
 
 
 def reproduction(
@@ -85,7 +98,7 @@ def reproduction(
         "Laval tables: errors by object and occlusion level",
         data,
         (main, angles),
-        tuple(_chart(models, objects, measure_) for measure_ in ("translation", "rotation")),
+        tuple(_chart(models, measure_) for measure_ in ("translation", "rotation")),
         (*NOTES, *published.NOTES["tab:laval_additional"]),
         facts,
     )
@@ -125,7 +138,6 @@ def _spread(models: Mapping[str, Figures], objects: list[str]) -> Table:
                 cells = figures.get((name, level))
                 if cells is None:
                     continue
-                lost = metrics.laval_failures(cells.translation, cells.official)
                 rows.append(
                     (
                         name,
@@ -136,8 +148,8 @@ def _spread(models: Mapping[str, Figures], objects: list[str]) -> Table:
                         float(cells.official.median()),
                         float(cells.angle.mean()),
                         float(cells.angle.median()),
-                        int(cells.iterations.median()),
-                        lost,
+                        median(cells.iterations),
+                        cells.failures,
                     )
                 )
     head = (
@@ -171,8 +183,9 @@ def _printed(model: str, name: str, level: int, quantity: str) -> float | None:
     return None if figure is None else float(getattr(figure, quantity))
 
 
-def _chart(models: Mapping[str, Figures], objects: list[str], quantity: str) -> LineChart:
-    """Means over the objects against the level, ours and the paper's."""
+def _chart(models: Mapping[str, Figures], quantity: str) -> LineChart:
+    """Means over our objects against the level, ours and the paper's."""
+    objects = sorted({name for figures in models.values() for name, _ in figures})
     curves = []
     for model in published.LAVAL_MODELS:
         for who in ("ours", "paper"):
@@ -187,5 +200,5 @@ def _chart(models: Mapping[str, Figures], objects: list[str], quantity: str) -> 
                 x, y = zip(*known, strict=True)
                 curves.append(Curve(f"{who} {model}", x, y))
     label = "T, mm" if quantity == "translation" else "R, degrees"
-    title = f"Laval: {quantity}, mean of the objects"
+    title = f"Laval: {quantity}, mean of our objects"
     return LineChart(f"laval_{quantity}", title, "occluded, %", label, tuple(curves))

@@ -10,6 +10,7 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from statistics import median_low
 from typing import Any
 
 import numpy as np
@@ -91,6 +92,12 @@ def mean(values: Sequence[float | None]) -> float | None:
     """Mean of the figures that there are; None for none."""
     known = [value for value in values if value is not None]
     return float(np.mean(known)) if known else None
+
+
+def median(counts: Sequence[int | None]) -> int | None:
+    """Median of the counts that there are, the lower of two; None for none."""
+    known = [count for count in counts if count is not None]
+    return median_low(known) if known else None
 
 
 def _content(reproduction: Reproduction) -> dict[str, Any]:

@@ -7,12 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from ...visualization.charts import BarChart
 from ..iteration_timing import IterationTimes
 from . import published_figures as published
-from .reproduction import Cell, Reproduction, Table
+from .reproduction import Cell, Reproduction, Table, mean
 from .tracks import ScoredTrack
 
 PREPARE = ("crop", "observe")
@@ -63,30 +61,18 @@ def reproduction(
 
 
 def _frames(tracks: Sequence[ScoredTrack], iteration: float) -> Table:
-    """Iterations and milliseconds a frame, as tracked under the paper's protocol."""
+    """Iterations and milliseconds a frame, as tracked under the paper's protocol.
+
+    Of the frames that were counted: one that could not be read took none.
+    """
     rows: list[tuple[Cell, ...]] = []
-    iterations = np.concatenate([np.array(track.iterations, float) for track in tracks])
-    times = np.concatenate([np.array(track.milliseconds, float) for track in tracks])
-    for track in tracks:
-        mine = float(np.mean(track.iterations))
-        rows.append(
-            (
-                track.video.name,
-                len(track.iterations),
-                mine,
-                mine * iteration,
-                float(np.mean(track.milliseconds)),
-            )
-        )
-    rows.append(
-        (
-            "all frames",
-            len(iterations),
-            float(iterations.mean()),
-            float(iterations.mean()) * iteration,
-            float(times.mean()),
-        )
-    )
+    parts = {track.video.name: [track] for track in tracks}
+    for name, part in [*parts.items(), ("all frames", tracks)]:
+        iterations = [number for track in part for number in track.iterations]
+        mine = mean(iterations)
+        spent = None if mine is None else mine * iteration
+        measured = mean([time for track in part for time in track.milliseconds])
+        rows.append((name, len(iterations), mine, spent, measured))
     rows.append(
         (
             "paper (YCB-Video)",

@@ -22,7 +22,7 @@ class ScoredTrack:
 
     The first frame and those whose pose was given by the protocol are left out; a frame without a
     pose keeps the last one before it (`held` counts those); `iterations` and `milliseconds` (N,)
-    are by frame.
+    are by frame, None where nobody counted, as of a frame that could not be read.
     """
 
     video: Video
@@ -30,8 +30,8 @@ class ScoredTrack:
     estimate: Pose
     truth: Pose
     held: int
-    iterations: tuple[int, ...]
-    milliseconds: tuple[float, ...]
+    iterations: tuple[int | None, ...]
+    milliseconds: tuple[float | None, ...]
 
 
 def scored(video: Video, rows: Mapping[int, PoseRow]) -> ScoredTrack | None:
@@ -49,8 +49,8 @@ def scored(video: Video, rows: Mapping[int, PoseRow]) -> ScoredTrack | None:
         held += row.pose is None
         frames.append(frame)
         estimates.append(last)
-        iterations.append(row.iterations or 0)
-        times.append(row.milliseconds or 0.0)
+        iterations.append(row.iterations)
+        times.append(row.milliseconds)
     if not frames:
         return None
     truth = Pose.stack([known[frame].to(torch.float64) for frame in frames])

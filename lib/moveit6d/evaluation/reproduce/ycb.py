@@ -19,7 +19,7 @@ from ...visualization.charts import BarChart
 from .. import metrics
 from ..metrics.auc import exact_auc, voc_auc
 from . import published_figures as published
-from .reproduction import Cell, Reproduction, Table, mean
+from .reproduction import Cell, Reproduction, Table, mean, median
 from .tracks import ScoredTrack
 
 # Points of the surface, where the data set brings none.
@@ -40,12 +40,12 @@ METRIC_NOTE = (
 class ObjectErrors:
     """Errors in metres (N,) of one object's frames over all its sequences.
 
-    `iterations` (N,) are what the frames took.
+    `iterations` (N,) are what the frames took, None where nobody counted.
     """
 
     add: Tensor
     add_s: Tensor
-    iterations: Tensor
+    iterations: tuple[int | None, ...]
     diameter: float
     symmetric: bool
 
@@ -59,7 +59,7 @@ class ObjectErrors:
         return ObjectErrors(
             torch.cat([self.add, other.add]),
             torch.cat([self.add_s, other.add_s]),
-            torch.cat([self.iterations, other.iterations]),
+            self.iterations + other.iterations,
             self.diameter,
             self.symmetric,
         )
@@ -105,7 +105,7 @@ def measure(tracks: Iterable[ScoredTrack]) -> Scores:
             errors = ObjectErrors(
                 metrics.add(track.estimate, truth, points),
                 metrics.adi(track.estimate, truth, points),
-                torch.tensor(track.iterations),
+                track.iterations,
                 diameter,
                 track.video.symmetric,
             )
@@ -217,7 +217,7 @@ def _counts(scores: Scores) -> Table:
         (
             name,
             len(one.add),
-            int(one.iterations.median()),
+            median(one.iterations),
             "yes" if one.symmetric else "no",
             1000 * one.diameter,
         )
@@ -267,13 +267,14 @@ def _bars(
         return (*known, mean(known))
 
     def theirs(method: str) -> tuple[float | None, ...]:
-        return (*(printed.value(one, method) for one in objects), printed.average(method))
+        known = [printed.value(one, method) for one in objects]
+        return (*known, mean(known[: len(ours)]))
 
     return BarChart(
         name,
         "Ours beside the paper's",
         label,
-        (*objects, "mean"),
+        (*objects, "mean of ours"),
         {
             "ours": column(ours, 0),
             "ours + shift (oracle)": column(ours, 1),
