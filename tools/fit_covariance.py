@@ -19,13 +19,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from moveit6d import PoseAction
+from moveit6d import Mesh, PoseAction
 from moveit6d.config import LoopConfig
 from moveit6d.datasets import open_dataset
 from moveit6d.datasets.sequences import Sequence
 from moveit6d.estimation.covariance import update_jacobian
 from moveit6d.estimation.refine import refine_starts
-from moveit6d.estimation.results import Refined, Start
+from moveit6d.estimation.results import Start
 from moveit6d.evaluation.tables import markdown
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import log_so3
@@ -75,17 +75,20 @@ def axes_of(
         poses = [centred, *(action.apply_centred(centred, diameter) for action in near)]
         starts = [Start(frame, mesh, pose) for pose in poses]
         for end in refine_starts(starts, policy=policy, renderer=renderer, loop=LoopConfig()):
-            if end.centred is not None and end.covariance is not None:
-                yield from along_axes(end, centred, diameter)
+            result = end.result(mesh)
+            if result.pose is not None and result.covariance is not None:
+                yield from along_axes(result.pose, result.covariance, truth, mesh)
 
 
-def along_axes(end: Refined, truth: Pose, diameter: Tensor) -> list[tuple[float, float]]:
-    """Standard deviations and errors of one pose, in action units; `truth` is centred, too."""
-    assert end.centred is not None and end.covariance is not None
-    units = torch.linalg.inv(update_jacobian(end.centred, diameter, "look_at"))
-    turn = log_so3(truth.rotation @ end.centred.rotation.mT)
-    error = units @ torch.cat([truth.translation - end.centred.translation, turn])
-    variances, axes = torch.linalg.eigh(units @ end.covariance @ units.mT)
+def along_axes(
+    pose: Pose, covariance: Tensor, truth: Pose, mesh: Mesh
+) -> list[tuple[float, float]]:
+    """Standard deviations and errors of one pose, mesh file's frame, in action units."""
+    diameter = torch.tensor(mesh.sphere_diameter, dtype=torch.float64)
+    units = torch.linalg.inv(update_jacobian(mesh.inner(pose), mesh, diameter, "look_at"))
+    turn = log_so3(truth.rotation @ pose.rotation.mT)
+    error = units @ torch.cat([truth.translation - pose.translation, turn])
+    variances, axes = torch.linalg.eigh(units @ covariance @ units.mT)
     deviations = variances.clamp_min(0).sqrt().tolist()
     return list(zip(deviations, (axes.mT @ error).tolist(), strict=True))
 

@@ -14,7 +14,7 @@ import math
 import os
 import shutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -163,6 +163,16 @@ def replacing_folder(path: Path) -> Iterator[Path]:
         raise InputError(f"{path} cannot be written: {error.strerror or error}.") from error
     finally:
         shutil.rmtree(work, ignore_errors=True)
+
+
+def refuse_foreign(folder: Path, foreign: Sequence[str], what: str) -> None:
+    """`InputError` where a folder, to be replaced, holds these files beside what was made here."""
+    if foreign:
+        more = f" and {len(foreign) - 4} more" if len(foreign) > 4 else ""
+        raise InputError(
+            f"{folder} holds {', '.join(foreign[:4])}{more} beside {what} made here, which would "
+            "be removed with it; give a new folder."
+        )
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:

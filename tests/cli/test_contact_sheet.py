@@ -32,8 +32,20 @@ def test_pairs_are_looked_at_without_the_weights_of_the_fit(
 
 
 @pytest.mark.parametrize("seed", ["-1", "a", "²"])
-def test_a_seed_that_is_none_is_refused(seed: str, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    "command",
+    [
+        "contact-sheet --output x",
+        "synthesize --output x",
+        "demo",
+        "benchmark refinement --objects x --photos x",
+        "benchmark motion",
+    ],
+)
+def test_a_seed_that_is_none_is_refused(
+    command: str, seed: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as end:
-        main(["contact-sheet", "--output", "x", "--seed", seed])
+        main([*command.split(), "--seed", seed])
     assert end.value.code == 2
     assert "must be a whole number, 0 or above" in capsys.readouterr().err

@@ -276,7 +276,8 @@ def test_its_options_are_the_settings_that_it_reads(
         new = ["--detection.templates.rotations", "300", "--detection.templates.channels", "31"]
         assert detect(["b.png", "none.png"], "--distance", "0.3", "0.8", *new) == 0
         assert detect(["b.png"], "--start", str(folder / "start.json")) == 0
-        assert detect(["b.png"], "--box", "30", "20", "100", "80") in (0, 3)
+        box = ["--box", "30", "20", "100", "80", "--distance", "0.3", "0.8"]
+        assert detect(["b.png"], *box) in (0, 3)
     assert read - UNWRITTEN == offered("detect")
 
 

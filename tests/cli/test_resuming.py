@@ -32,6 +32,10 @@ from tests.support.clip import Clip
 Make = Callable[..., Any]
 
 
+def rows_before(folder: Path, args: argparse.Namespace, config: TrackerConfig) -> list[PoseRow]:
+    return earlier_rows(folder, args, track_facts(args, config))
+
+
 def frames_in(path: Path) -> int:
     with av.open(str(path)) as container:
         return sum(1 for _ in container.decode(video=0))
@@ -152,9 +156,9 @@ def begun(output: Path, *more: str) -> None:
 )
 def test_what_decides_a_track_must_be_the_same(tmp_path: Path, option: str) -> None:
     begun(tmp_path)
-    assert len(earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())) == 1
+    assert len(rows_before(tmp_path, arguments(tmp_path), TrackerConfig())) == 1
     with pytest.raises(InputError, match=f"another {option.split()[0]};"):
-        earlier_rows(tmp_path, arguments(tmp_path, *option.split()), TrackerConfig())
+        rows_before(tmp_path, arguments(tmp_path, *option.split()), TrackerConfig())
 
 
 @pytest.mark.parametrize("name", ["mesh", "camera", "start"])
@@ -163,25 +167,25 @@ def test_a_file_must_be_the_same_by_what_is_in_it(tmp_path: Path, name: str) -> 
     start.write_text("as it was")
     killed(tmp_path, "--start", str(start))
     args = arguments(tmp_path, "--start", str(start))
-    assert len(earlier_rows(tmp_path, args, TrackerConfig())) == 1
+    assert len(rows_before(tmp_path, args, TrackerConfig())) == 1
     moved = {"mesh": args.mesh[0], "camera": args.camera, "start": start}[name]
     moved.rename(tmp_path / f"moved{moved.suffix}")
     elsewhere = tmp_path / f"moved{moved.suffix}"
     setattr(args, name, elsewhere if name == "camera" else [elsewhere])
-    assert len(earlier_rows(tmp_path, args, TrackerConfig())) == 1, "the same at another place"
+    assert len(rows_before(tmp_path, args, TrackerConfig())) == 1, "the same at another place"
     elsewhere.write_text("edited in between")
     with pytest.raises(InputError, match=f"holds a track with another --{name};"):
-        earlier_rows(tmp_path, args, TrackerConfig())
+        rows_before(tmp_path, args, TrackerConfig())
 
 
 def test_a_record_of_before_knows_files_by_their_places(tmp_path: Path) -> None:
     begun(tmp_path)  # its summary holds no digests
     args = arguments(tmp_path)
     args.camera.write_text("edited in between")
-    assert len(earlier_rows(tmp_path, args, TrackerConfig())) == 1
+    assert len(rows_before(tmp_path, args, TrackerConfig())) == 1
     args.camera = tmp_path / "a.ply"
     with pytest.raises(InputError, match="another --camera;"):
-        earlier_rows(tmp_path, args, TrackerConfig())
+        rows_before(tmp_path, args, TrackerConfig())
 
 
 def test_a_summary_says_what_is_in_the_files(clip: Clip, capsys: Any) -> None:
@@ -206,30 +210,30 @@ def killed(output: Path, *more: str, rows: bool = True) -> None:
 def test_a_killed_track_goes_on_with_its_own_facts_alone(tmp_path: Path) -> None:
     killed(tmp_path, "--float32")
     args = arguments(tmp_path, "--float32")
-    assert len(earlier_rows(tmp_path, args, TrackerConfig())) == 1
+    assert len(rows_before(tmp_path, args, TrackerConfig())) == 1
     with pytest.raises(InputError, match="another --float32;"):
-        earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())
+        rows_before(tmp_path, arguments(tmp_path), TrackerConfig())
     other = replace(TrackerConfig(), low_confidence=0.123)
     with pytest.raises(InputError, match="another --low_confidence;"):
-        earlier_rows(tmp_path, args, other)
+        rows_before(tmp_path, args, other)
 
 
 def test_rows_of_which_nobody_knows_the_facts_are_refused(tmp_path: Path) -> None:
     killed(tmp_path, rows=False)  # before its first row: that in the table is another track's
     refused = pytest.raises(InputError, match=r"poses\.csv: nothing says which arguments and sett")
     with refused:
-        earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())
+        rows_before(tmp_path, arguments(tmp_path), TrackerConfig())
     (tmp_path / "poses.csv.unfinished").unlink()
     config = TrackerConfig().as_dict()
     for foreign in ({}, {"arguments": 3, "config": []}, {"arguments": {}, "config": config}):
         write_json(tmp_path / "summary.json", foreign)
         with refused:
-            earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())
+            rows_before(tmp_path, arguments(tmp_path), TrackerConfig())
     (tmp_path / "summary.json").unlink()
     with refused:
-        earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())
+        rows_before(tmp_path, arguments(tmp_path), TrackerConfig())
     write_poses(tmp_path / "poses.csv", [])
-    assert earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig()) == [], "there is nothing"
+    assert rows_before(tmp_path, arguments(tmp_path), TrackerConfig()) == [], "there is nothing"
 
 
 def test_a_report_shows_the_whole_track_and_a_log_stays(
@@ -269,11 +273,11 @@ def test_weights_are_the_same_by_what_is_in_them(tmp_path: Path) -> None:
     two.write_bytes(b"weights")
     begun(tmp_path, "--weights", str(one))
     args = arguments(tmp_path, "--weights", str(two))
-    assert len(earlier_rows(tmp_path, args, TrackerConfig())) == 1, "the same under another name"
+    assert len(rows_before(tmp_path, args, TrackerConfig())) == 1, "the same under another name"
     one.write_bytes(b"others")
     args = arguments(tmp_path, "--weights", str(one))
     with pytest.raises(InputError, match="another --weights"):
-        earlier_rows(tmp_path, args, TrackerConfig())
+        rows_before(tmp_path, args, TrackerConfig())
 
 
 def test_a_state_that_nobody_knows_is_one_sentence(tmp_path: Path) -> None:
@@ -281,6 +285,6 @@ def test_a_state_that_nobody_knows_is_one_sentence(tmp_path: Path) -> None:
     rows = [PoseRow(0, state="tracking"), PoseRow(1), PoseRow(2, state="gone")]
     write_poses(tmp_path / "poses.csv", rows)
     with pytest.raises(InputError, match=r"poses\.csv, row of frame 2: state must be .* 'gone'"):
-        earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())
+        rows_before(tmp_path, arguments(tmp_path), TrackerConfig())
     write_poses(tmp_path / "poses.csv", [replace(row, state="lost") for row in rows])
-    assert len(earlier_rows(tmp_path, arguments(tmp_path), TrackerConfig())) == 3
+    assert len(rows_before(tmp_path, arguments(tmp_path), TrackerConfig())) == 3

@@ -12,6 +12,7 @@ import torch
 from moveit6d import Camera, Mesh, OraclePolicy, Pose, PoseTracker
 from moveit6d.config import ActionMode, TrackerConfig
 from moveit6d.estimation.apart import TAKEN, Instances
+from moveit6d.estimation.covariance import Information
 from moveit6d.estimation.results import Refined, StopReason, TrackingResult
 from moveit6d.estimation.track_state import TrackState
 from tests.support.configs import LOOP_ONLY, LOW_CONFIDENCE, NO_CONTOUR
@@ -19,6 +20,7 @@ from tests.support.near_sighted import NearSighted
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
 GRAY = np.full((240, 320, 3), 90, np.uint8)
+KNOWN = Information(torch.eye(6), torch.tensor(0.1), "look_at", 3.0)
 
 
 def at(x: float, z: float = 0.7) -> Pose:
@@ -46,12 +48,12 @@ def alive(known: Instances, *results: tuple[float, float]) -> list[bool]:
 def test_who_came_to_the_place_of_another_has_no_pose_but_a_reason(brick: Mesh) -> None:
     known = instances(brick, 0.0, 0.15)
     found = {
-        k: dataclasses.replace(one, covariance=torch.eye(6))
+        k: dataclasses.replace(one, information=KNOWN)
         for k, one in ends((0.15, 0.95), (0.15, 0.94)).items()
     }
     first, second = known.kept_apart(found).values()
     assert first.centred is None and first.error == TAKEN and first.confidence == 0
-    assert first.stopped_by is StopReason.FAILED and first.covariance is None
+    assert first.stopped_by is StopReason.FAILED and first.information is None
     assert second is found[1]
     assert alive(known, (0.01, 0.3), (0.15, 0.9)) == [True, True]
 

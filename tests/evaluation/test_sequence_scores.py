@@ -15,6 +15,7 @@ from moveit6d.datasets.pose_files import PoseRow, write_poses
 from moveit6d.datasets.sequences import read_sequence, read_sequences
 from moveit6d.errors import InputError
 from moveit6d.evaluation.sequence_scores import confidences, score_results, score_track
+from moveit6d.evaluation.track_files import read_tracks
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.symmetry import Symmetries
@@ -72,7 +73,10 @@ def test_a_track_that_spins_about_a_declared_axis_is_right(
     (made.folder / "mesh.symmetry.json").write_text(json.dumps(AXIS))
     declared = read_sequence(made.folder)
     assert score_results(declared, track)["can"].below_5 == 1.0
-    assert confidences(declared, track)[1].all() and not confidences(plain, track)[1].all()
+    assert (
+        confidences(read_tracks(declared, track))[1].all()
+        and not confidences(read_tracks(plain, track))[1].all()
+    )
 
 
 def test_results_of_a_mesh_far_from_its_origin_are_scored(
@@ -85,4 +89,4 @@ def test_results_of_a_mesh_far_from_its_origin_are_scored(
     write_poses(track, [PoseRow(k, pose=pose, confidence=0.9) for k, pose in enumerate(poses)])
     sequences = read_sequence(made.folder)
     assert score_results(sequences, track)["easy_00"].below_5 == 1.0
-    assert confidences(sequences, track)[1].tolist() == [True] * 5
+    assert confidences(read_tracks(sequences, track))[1].tolist() == [True] * 5

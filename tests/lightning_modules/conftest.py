@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from moveit6d.synthesis.training.shards import ShardPlan, ShardWriter
+from moveit6d.synthesis.training.shards import ShardPlan
 from moveit6d.synthesis.training.source import PairSource
-from tests.support.pairs import small_source
+from tests.support.pairs import small_source, write_every_shard
 
 
 @pytest.fixture(scope="session")
@@ -20,9 +20,5 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> PairSource:
 @pytest.fixture(scope="session")
 def written(source: PairSource, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Four shards of two batches of two pairs."""
-    folder = tmp_path_factory.mktemp("pairs")
-    writer = ShardWriter(source, ShardPlan(4, batches=2, batch_size=2), folder)
-    writer.claim()
-    for number in range(4):
-        writer.write(number)
-    return folder
+    plan = ShardPlan(4, batches=2, batch_size=2)
+    return write_every_shard(source, plan, tmp_path_factory.mktemp("pairs"))

@@ -15,6 +15,7 @@ from moveit6d.synthesis.augmentation.backgrounds import procedural_photo
 from moveit6d.synthesis.augmentation.random_source import RandomSource
 from moveit6d.synthesis.objects.shapes import random_object
 from moveit6d.synthesis.training.pairs import PairConfig
+from moveit6d.synthesis.training.shards import ShardPlan, ShardWriter
 from moveit6d.synthesis.training.source import PairSource
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -39,6 +40,15 @@ def small_source(folder: Path) -> PairSource:
     for number, picture in enumerate(photos()[:3]):
         Image.fromarray(picture).save(folder / f"{number}.png")
     return PairSource((), "m", folder, None, 1, PairConfig())
+
+
+def write_every_shard(source: PairSource, plan: ShardPlan, folder: Path) -> Path:
+    """All shards of a plan in a folder, written by one writer."""
+    writer = ShardWriter(source, plan, folder)
+    writer.claim()
+    for number in range(plan.shards):
+        writer.write(number)
+    return folder
 
 
 def rng(seed: int = 0) -> RandomSource:

@@ -47,13 +47,13 @@ def check_apart(
     `read` the inputs, which stand for what a mesh names, too; in `folders` all files are inputs.
     """
     from ..geometry.mesh_files import SUFFIXES
-    from ..geometry.mesh_files.digest import mesh_files
+    from ..geometry.mesh_files.digest import files_of_mesh
 
     inputs = list(read)
     taken = {f"{path.resolve()}{os.sep}": "this run reads" for path in inputs}
     for mesh in inputs:
         if mesh.suffix.lower() in SUFFIXES and mesh.is_file():
-            named = {f"{path.resolve()}{os.sep}": f"{mesh} names" for path in mesh_files(mesh)}
+            named = {f"{path.resolve()}{os.sep}": f"{mesh} names" for path in files_of_mesh(mesh)}
             taken = {**named, **taken}
     places = [folder.resolve() for folder in folders]
     for option, paths in written.items():

@@ -22,6 +22,7 @@ from .common import (
     make_tools,
     mesh_or_demo,
     positive,
+    seed,
     use_threads,
 )
 from .messages import progress
@@ -106,7 +107,7 @@ def add_parser(verbs: Any) -> None:
         help="light mixes at the object's edge as in a camera of this gamma; 1: colours mix",
     )
     three.add_argument("--number", type=positive, default=200, metavar="N", help="cases")
-    three.add_argument("--seed", type=int, default=0, metavar="N", help="of the cases")
+    three.add_argument("--seed", type=seed, default=0, metavar="N", help="of the cases")
     add_untextured_option(three)
     add_tracking_options(three)
     three.set_defaults(run=refinement)

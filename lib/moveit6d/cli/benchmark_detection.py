@@ -21,6 +21,7 @@ from .common import (
     mesh_or_demo,
     new_folder,
     positive,
+    seed,
 )
 from .messages import note, progress
 
@@ -85,7 +86,7 @@ def add_kinds(kinds: Any) -> None:
         help="pixels a frame",
     )  # fmt: skip
     three.add_argument("--frames", type=positive, default=40, metavar="N", help="of each")
-    three.add_argument("--seed", type=int, default=0, metavar="N", help="of the sequences")
+    three.add_argument("--seed", type=seed, default=0, metavar="N", help="of the sequences")
     add_untextured_option(three)
     add_tracking_options(three)
     three.set_defaults(run=run_motion)

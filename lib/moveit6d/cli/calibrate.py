@@ -77,7 +77,7 @@ def add_parser(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print a board, or calibrate, or both."""
     from ..camera_calibration import Board
-    from ..datasets.video import open_frames
+    from ..datasets.video import image_files, open_frames
 
     board = Board(args.board, args.squares[0], args.squares[1], args.dictionary)
     if args.print_board is None and args.video is None:
@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
     if args.output is not None:
         check_writable(args.output)
     frames = None if args.video is None else open_frames(args.video)
-    read = () if frames is None else getattr(frames, "paths", (Path(args.video),))
+    read = () if frames is None else image_files(frames) or (Path(args.video),)
     check_apart({"--print_board": (args.print_board,), "--output": (args.output,)}, read)
     if args.print_board is not None:
         print_board(board, args.print_board)

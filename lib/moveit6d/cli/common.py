@@ -147,6 +147,13 @@ def add_jobs_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def seed(text: str) -> int:
+    """An option's whole number, 0 or above."""
+    if not (text.isascii() and text.isdigit()):
+        raise argparse.ArgumentTypeError(f"must be a whole number, 0 or above, found {text!r}")
+    return int(text)
+
+
 def positive(text: str) -> int:
     """An option's whole number above zero."""
     try:

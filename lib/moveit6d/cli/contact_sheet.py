@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..extras import require
-from .common import add_verb, positive, use_threads
+from .common import add_verb, positive, seed, use_threads
 
 if TYPE_CHECKING:
     from lightning_modules.pair_data_module import PairDataModule
@@ -67,13 +67,6 @@ def add_data_options(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="override one value, as --NAME VALUE does for `moveit6d fit`",
     )
-
-
-def seed(text: str) -> int:
-    """An option's whole number, 0 or above."""
-    if not (text.isascii() and text.isdigit()):
-        raise argparse.ArgumentTypeError(f"must be a whole number, 0 or above, found {text!r}")
-    return int(text)
 
 
 def data_of(args: argparse.Namespace) -> PairDataModule:

@@ -14,6 +14,7 @@ from .common import (
     add_verb,
     new_folder,
     positive,
+    seed,
 )
 from .messages import progress_bar
 from .narrowing import NAMES as NARROWING
@@ -52,7 +53,7 @@ def add_parser(verbs: Any) -> None:
         "--difficulty", choices=DIFFICULTIES, default="medium", help="how hard the clip is"
     )
     parser.add_argument(
-        "--seed", type=int, default=4, metavar="N", help="another seed, another clip"
+        "--seed", type=seed, default=4, metavar="N", help="another seed, another clip"
     )
     parser.add_argument(
         "--frames", type=positive, default=120, metavar="N", help="length of the clip"

@@ -175,7 +175,7 @@ def tracking(args: argparse.Namespace) -> int:
     """Print a table for each of the results."""
     from ..datasets import open_dataset
     from ..evaluation.metrics.calibration import reliability
-    from ..evaluation.sequence_scores import confidences, gaps, score_results
+    from ..evaluation.sequence_scores import confidences, gaps, score_tracks
     from ..evaluation.track_files import read_tracks
     from ..evaluation.track_scores import tracking_table
 
@@ -185,18 +185,19 @@ def tracking(args: argparse.Namespace) -> int:
     names = [path.name for path in args.results]
     for path in args.results:
         name = path.name if names.count(path.name) == 1 else str(path)
-        scores = score_results(sequences, path, args.count_resets)
+        tracks = list(read_tracks(sequences, path))
+        scores = score_tracks(tracks, args.count_resets)
         absent = [name for name in levels if name not in scores]
         if not scores:
             raise InputError(_none_of(path, levels))
         if absent:
             note(f"{path}: no result for {', '.join(absent)}.")
-        for sequence, rows in read_tracks(sequences, path):
+        for sequence, rows in tracks:
             for gap in gaps(sequence, rows):
                 note(f"{path}: {sequence.name}: {gap}.")
         print(f"\n{name}\n\n{tracking_table(scores, levels, args.per_sequence)}")
         if args.reliability is not None:
-            measured[name] = reliability(*confidences(sequences, path))
+            measured[name] = reliability(*confidences(tracks))
     _write_reliability(measured, args.reliability)
     return 0
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from io import FileIO
 from pathlib import Path
@@ -92,19 +92,21 @@ class Journal:
         return entries
 
 
-def file_facts(args: argparse.Namespace, names: Sequence[str] = FILES) -> dict[str, Any]:
-    """SHA-256 of the files of these options, as journals and summaries hold them; None: no file.
+def file_facts(args: argparse.Namespace) -> dict[str, Any]:
+    """SHA-256 of the files of the options in `FILES`, as journals and summaries hold them.
 
-    Of a mesh with the pictures and materials that it names.
+    None where there is no file; of a mesh with the pictures and materials that it names.
     """
     from ..geometry.mesh_files.digest import mesh_digest
 
     found: dict[str, Any] = {}
-    for name in names:
+    for name in FILES:
         digest = mesh_digest if name == "mesh" else file_digest
         given = getattr(args, name, None)
-        every = [digest(path) for path in given] if isinstance(given, list) else None
-        found[f"{name}{CONTENT}"] = every or (digest(given) if isinstance(given, Path) else None)
+        if isinstance(given, list):
+            found[f"{name}{CONTENT}"] = [digest(path) for path in given]
+        else:
+            found[f"{name}{CONTENT}"] = digest(given) if isinstance(given, Path) else None
     return found
 
 

@@ -32,13 +32,14 @@ SAME = ("mesh", "mesh_unit", "video", "camera", "fov", "start", "exact_start",
 def earlier_rows(
     output: Path,
     args: argparse.Namespace,
-    config: TrackerConfig,
+    facts: dict[str, Any],
     center: Any = (0.0, 0.0, 0.0),
 ) -> list[PoseRow]:
     """The rows of the interrupted run in a folder; none without `--resume` or before its start.
 
-    `center` is the object's middle in the mesh file's frame. `InputError` if the run was begun with
-    other files or settings, or if nothing says with which.
+    `facts` are this run's (`track_facts`), `center` is the object's middle in the mesh file's
+    frame. `InputError` if the run was begun with other files or settings, or if nothing says with
+    which.
     """
     from ..datasets.pose_files import by_frame, read_poses, whole_lines
 
@@ -50,7 +51,7 @@ def earlier_rows(
         raise InputError(f"{table}: its frames are not 0, 1, 2, …; it cannot be gone on with.")
     _check_states(rows, table)
     if rows:
-        _check_facts(table, track_facts(args, config))
+        _check_facts(table, facts)
     return rows
 
 

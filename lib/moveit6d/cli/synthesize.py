@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from .apart import check_apart, given_paths
-from .common import UNITS, add_untextured_option, add_verb, positive
+from .common import UNITS, add_untextured_option, add_verb, positive, seed
 from .messages import progress_bar
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def add_parser(verbs: Any) -> None:
         "--difficulty", choices=DIFFICULTIES, default="medium", help="how hard it is"
     )
     parser.add_argument("--frames", type=positive, default=120, metavar="N", help="length")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same clip")
+    parser.add_argument("--seed", type=seed, default=0, metavar="N", help="same seed, same clip")
     parser.add_argument(
         "--count",
         type=positive,

@@ -30,13 +30,7 @@ from .common import (
 from .earlier import clear_earlier
 from .journal import Journal, journal_file
 from .messages import note, progress
-from .narrowing import (
-    add_narrowing_options,
-    check_first,
-    first_pose,
-    is_narrowed,
-    known_of,
-)
+from .narrowing import add_narrowing_options, check_first, first_pose, is_narrowed, known_of
 from .objects import load_meshes, object_names, painted, peek, read_starts, wants_paint
 from .reporting import check_report, check_rerun, reporting, rerun_log
 from .resuming import earlier_rows, going_on, numbered, track_facts
@@ -221,10 +215,10 @@ def run(args: argparse.Namespace) -> int:
     tracker = PoseTracker(meshes, camera, starts, **tools)
     names = object_names(args.mesh)
     output = new_folder(args.output)
-    earlier = earlier_rows(output, args, setting.config, meshes[0].center)
+    facts = track_facts(args, setting.config)
+    earlier = earlier_rows(output, args, facts, meshes[0].center)
     records = track_records(len(meshes), earlier)
     movie_file, log_file = _numbered_files(output, args, len(earlier))
-    facts = track_facts(args, setting.config)
     with (
         Journal(output / "poses.csv", facts, resume=bool(earlier)) as journal,
         track_summary(records, names, args, setting, journal),
@@ -272,8 +266,10 @@ def _starts(args: argparse.Namespace, meshes: Sequence[Mesh]) -> list[Pose | Non
 
 def _check_files(args: argparse.Namespace, frames: FrameSource) -> None:
     """`InputError` where a file cannot be written, or would destroy another one."""
+    from ..datasets.video import image_files
+
     output, table = args.output, args.output / "poses.csv"
-    images = getattr(frames, "paths", [path for path in [Path(args.video)] if path.is_file()])
+    images = image_files(frames) or [path for path in [Path(args.video)] if path.is_file()]
     written = {
         "--output": (
             table, journal_file(table), output / "summary.json", output / "overlay.mp4",

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from .common import add_verb, positive
-from .contact_sheet import add_data_options, data_of, seed
+from .common import add_verb, positive, seed
+from .contact_sheet import add_data_options, data_of
 from .messages import note, progress_bar
 
 DESCRIPTION = """\

@@ -142,6 +142,11 @@ class RegionConfig:
         part_overlap: where it does: intersection over union that is enough.
         box_ratio: smallest and largest width of the object's bounding sphere that is tried, in
             longer sides of the box.
+        longest_ratio: by which a box or mask may be longer still, before a distance contradicts it.
+        distance_ratio: by which the distance of a pose may be off what is given, beside the
+            object's radius: what people measure is rough.
+        least_covered: share of the box or mask, which may be larger than the object, that a pose
+            must cover.
         margin: margin around the box within which the image is searched, in widths of the object.
         background_scale: where only a part of the image is searched, a template's usual score is
             measured in the whole image, scaled by this factor at most.
@@ -155,6 +160,9 @@ class RegionConfig:
     part_covered: float = 0.9
     part_overlap: float = 0.3
     box_ratio: tuple[float, float] = (0.85, 2.5)
+    longest_ratio: float = 1.5
+    distance_ratio: float = 1.1
+    least_covered: float = 0.3
     margin: float = 0.6
     background_scale: float = 0.6
     stages: tuple[tuple[int, int], ...] = ((48, 2), (16, 3), (6, 6))
@@ -171,6 +179,8 @@ class RegionConfig:
                 "RegionConfig: near_shift and background_scale must be positive and margin 0 or "
                 f"more, found {self.near_shift}, {self.background_scale} and {self.margin}."
             )
+        check_range(self, "1 or more", "longest_ratio", "distance_ratio")
+        check_range(self, "from 0 to 1", "least_covered")
         check_stages("RegionConfig", self.stages)
 
 

@@ -21,7 +21,7 @@ from ..geometry.pose import Pose
 from ..geometry.symmetry import Symmetries
 from ..geometry.symmetry_file import symmetries_beside
 from .pose_files import PoseRow, by_frame, read_camera, read_poses
-from .video import FrameSource, ImageList, Prefetched, open_frames
+from .video import FrameSource, ImageList, Prefetched, image_files, open_frames
 
 MESH_NAMES = tuple(
     f"{stem}.{suffix}" for stem in ("mesh", "model") for suffix in ("glb", "ply", "obj", "stl")
@@ -69,7 +69,7 @@ class Sequence:
     @property
     def image_names(self) -> list[str]:
         """The image files' names in order, without suffix; empty where the frames are a video."""
-        listed = self.images if self.images is not None else _image_files(self.frames)
+        listed = self.images if self.images is not None else image_files(open_frames(self.frames))
         return [path.stem for path in listed]
 
     def load_mesh(self) -> Mesh:
@@ -109,7 +109,7 @@ def read_sequence(folder: str | Path) -> list[Sequence]:
         center=lambda label: Mesh.load(_mesh(folder, label), allow_flat=True).center,
     )
     frames = _frames(folder)
-    names = [path.stem for path in _image_files(frames)]
+    names = [path.stem for path in image_files(open_frames(frames))]
     camera = read_camera(folder / "camera.json")
     found = []
     for label in dict.fromkeys(row.object for row in rows):
@@ -168,11 +168,6 @@ def placed(rows: Iterable[PoseRow], names: Iterable[str], where: str) -> Iterabl
                 "must be of the same video."
             )
         yield row
-
-
-def _image_files(frames: Path) -> tuple[Path, ...]:
-    """The image files that frames are read from; none of a video."""
-    return tuple(getattr(open_frames(frames), "paths", ()))
 
 
 def _frames(folder: Path) -> Path:

@@ -110,6 +110,11 @@ def open_frames(source: str | Path | int) -> FrameSource:
     )
 
 
+def image_files(source: FrameSource) -> tuple[Path, ...]:
+    """The image files that frames are read from, in order; none of a video or a camera."""
+    return tuple(getattr(source, "paths", ()))
+
+
 def image_size(path: str | Path) -> tuple[int, int]:
     """Width and height of an image, of which no more than the header is read."""
     with opened_image(path) as opened:

@@ -120,5 +120,5 @@ def _failed(result: Refined) -> Refined:
         error=TAKEN,
         localizability=0.0,
         contour_agreement=None,
-        covariance=None,
+        information=None,
     )

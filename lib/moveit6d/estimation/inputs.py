@@ -11,7 +11,7 @@ from typing import Any
 from ..config import TrackerConfig
 from ..errors import InputError
 from ..geometry.inputs import camera_of as camera_of
-from ..geometry.inputs import is_list, kind_of, poses_of
+from ..geometry.inputs import instance_of, is_list, kind_of, poses_of
 from ..geometry.inputs import pose_of as pose_of
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
@@ -25,12 +25,7 @@ def meshes_of(meshes: Any) -> list[Mesh]:
     given = [meshes] if isinstance(meshes, Mesh) or not is_list(meshes) else list(meshes)
     if not given:
         raise InputError("The list of meshes is empty; give the Mesh of each object.")
-    for mesh in given:
-        if not isinstance(mesh, Mesh):
-            raise InputError(
-                f"The mesh must be a Mesh, found {kind_of(mesh)}; Mesh.load(path, unit) reads one."
-            )
-    return given
+    return [instance_of(mesh, Mesh, "mesh", "Mesh.load(path, unit) reads one") for mesh in given]
 
 
 def policy_of(policy: Policy | None) -> Policy:
@@ -58,12 +53,8 @@ def renderer_of(renderer: Renderer | None) -> Renderer:
 
 def config_of(config: Any) -> TrackerConfig:
     """The configuration itself; `InputError` for anything else."""
-    if not isinstance(config, TrackerConfig):
-        raise InputError(
-            f"The config must be a TrackerConfig, found {kind_of(config)}; "
-            "TrackerConfig(low_confidence=0.4) makes one, with every other setting as it is."
-        )
-    return config
+    remedy = "TrackerConfig(low_confidence=0.4) makes one, with every other setting as it is"
+    return instance_of(config, TrackerConfig, "config", remedy)
 
 
 def start_poses_of(poses: Any, count: int) -> list[Pose | None]:

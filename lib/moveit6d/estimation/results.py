@@ -19,7 +19,7 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..typing import ImageLike
-from .covariance import outer_covariance
+from .covariance import Information, pose_covariance
 from .keyframes import KeyframeMemory
 from .states import TrackingState
 
@@ -99,7 +99,7 @@ class Start:
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """The outcome of a loop: as `TrackingResult`, with a centred pose and its covariance."""
+    """The outcome of a loop: as `TrackingResult`, with a centred pose and what is known of it."""
 
     centred: Pose | None
     iterations: int
@@ -109,15 +109,15 @@ class Refined:
     error: str | None = None
     localizability: float = 0.0
     contour_agreement: float | None = None
-    covariance: Tensor | None = None
+    information: Information | None = None
 
     def result(self, mesh: Mesh) -> TrackingResult:
         """The outcome as users get it, in the mesh file's frame."""
         pose = covariance = None
         if self.centred is not None:
             pose = mesh.outer(self.centred)
-            if self.covariance is not None:
-                covariance = outer_covariance(self.covariance, self.centred, mesh)
+            if self.information is not None:
+                covariance = pose_covariance(self.information, self.centred, mesh)
         return TrackingResult(
             pose,
             self.iterations,

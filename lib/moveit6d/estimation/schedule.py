@@ -18,7 +18,7 @@ from ..config import ActionMode, LoopConfig
 from ..geometry.crop import Crop
 from ..geometry.pose import Pose
 from ..geometry.visibility import why_unseen
-from .covariance import centred_covariance
+from .covariance import Information
 from .localizability import localizability
 from .results import Refined, Start, StopReason
 from .visibility import start_problem
@@ -34,7 +34,7 @@ class Trajectory:
         self.error = ""
         self.poses: list[Pose] = []
         self.confidences: list[float] = []
-        self.seen: list[tuple[Tensor, Tensor | None]] = []  # diameters and information, as added
+        self.information: list[Information | None] = []
         self.highest = -1.0  # confidence
         self.best = -1
 
@@ -60,7 +60,11 @@ class Trajectory:
         first = self._revisited(centred, diameter)
         self.poses.append(centred)
         self.confidences.append(confidence)
-        self.seen.append((diameter, information))
+        known = None
+        if information is not None:
+            error = self.loop.displacement_error
+            known = Information(information, diameter, self.crop, error)
+        self.information.append(known)
         self.highest = max(self.highest, confidence)
         if stop or first is None:
             self.best = len(self.poses) - 1
@@ -70,7 +74,7 @@ class Trajectory:
 
     def restart(self) -> None:
         """Forget the poses so far: in the fine stage the same pose means a smaller difference."""
-        self.poses, self.confidences, self.seen, self.best = [], [], [], -1
+        self.poses, self.confidences, self.information, self.best = [], [], [], -1
 
     def refined(self, reason: StopReason, iterations: int, milliseconds: float) -> Refined:
         """The outcome."""
@@ -78,21 +82,12 @@ class Trajectory:
             # What to check is for starts; a loop that got here began well.
             error = f"The object is lost: {self.error.split(';')[0]}."
             return Refined(None, iterations, StopReason.FAILED, 0.0, milliseconds, error)
-        best = self.poses[self.best]
-        # Tensors made in inference mode are no use for anybody who wants gradients of a pose.
-        centred = Pose(best.rotation.clone(), best.translation.clone())
-        confidence = self.confidences[self.best]
+        centred, confidence = self.poses[self.best], self.confidences[self.best]
         mesh, camera = self.start.mesh, self.start.frame.camera
         known = localizability(centred, mesh, camera, self.loop.width_error)
-        diameter, information = self.seen[self.best]
-        covariance = None
-        if information is not None:
-            covariance = centred_covariance(
-                information, centred, diameter, self.crop, self.loop.displacement_error
-            )
         return Refined(
             centred, iterations, reason, confidence, milliseconds,
-            localizability=known, covariance=covariance,
+            localizability=known, information=self.information[self.best],
         )  # fmt: skip
 
     def _revisited(self, centred: Pose, diameter: Tensor) -> int | None:

@@ -17,7 +17,7 @@ from ..datasets.sequences import Sequence
 from ..geometry.pose import Pose
 from .metrics import ADD_LIMIT
 from .protocols import is_given
-from .track_files import read_tracks
+from .track_files import Track, read_tracks
 from .track_scores import EvaluationPoints, Score, frame_errors, score
 
 
@@ -74,21 +74,29 @@ def score_results(
 
     `path` is what `read_tracks` knows. `count_resets` counts frames whose pose was given, too.
     """
+    return score_tracks(read_tracks(sequences, path), count_resets)
+
+
+def score_tracks(
+    tracks: Iterable[tuple[Sequence, Track]], count_resets: bool = False
+) -> dict[str, Score]:
+    """The figures of tracks by sequence; those with too few true poses are left out."""
     scores = {}
-    for sequence, rows in read_tracks(sequences, path):
+    for sequence, rows in tracks:
         found = score_track(sequence, rows, count_resets)
         if found is not None:
             scores[sequence.name] = found
     return scores
 
 
-def confidences(sequences: Iterable[Sequence], path: str | Path) -> tuple[Tensor, Tensor]:
-    """Confidences (N,) of all scored frames with a pose of the results at `path`, and which (N,)
-    are right: ADD(-S) below 10 % of the diameter.
+def confidences(tracks: Iterable[tuple[Sequence, Track]]) -> tuple[Tensor, Tensor]:
+    """Confidences (N,) of all scored frames of tracks with a pose, and which (N,) are right.
+
+    That is ADD(-S) below 10 % of the diameter.
     """
     found: list[float] = []
     right: list[bool] = []
-    for sequence, rows in read_tracks(sequences, path):
+    for sequence, rows in tracks:
         surface = EvaluationPoints.of(sequence.load_mesh(), symmetric=sequence.symmetric)
         for error in frame_errors(rows, scored_truth(sequence, rows), surface):
             row = rows.get(error.frame)

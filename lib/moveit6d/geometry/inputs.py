@@ -6,7 +6,7 @@ Never opens a file: a path where an object is meant is an error that names who r
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -16,17 +16,21 @@ from ..errors import InputError
 from .camera import Camera
 from .pose import Pose
 
+Kind = TypeVar("Kind")
 ROUNDING = 1e-6  # by which rotations in float32 are off
+
+
+def instance_of(value: Any, kind: type[Kind], name: str, remedy: str) -> Kind:
+    """The value itself; `InputError` with a remedy where it is not of a class."""
+    if not isinstance(value, kind):
+        raise InputError(f"The {name} must be a {kind.__name__}, found {kind_of(value)}; {remedy}.")
+    return value
 
 
 def camera_of(camera: Any) -> Camera:
     """The camera itself; `InputError` for anything else."""
-    if not isinstance(camera, Camera):
-        raise InputError(
-            f"The camera must be a Camera, found {kind_of(camera)}; "
-            "Camera.from_matrix(K, width, height, distortion) or Camera.load(path) makes one."
-        )
-    return camera
+    remedy = "Camera.from_matrix(K, width, height, distortion) or Camera.load(path) makes one"
+    return instance_of(camera, Camera, "camera", remedy)
 
 
 def poses_of(poses: Any, name: str = "Start pose") -> list[Pose]:

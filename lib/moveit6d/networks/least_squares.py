@@ -17,6 +17,7 @@ from ..geometry.rotation import exp_so3
 
 _CENTRE = (PATCH_SIZE - 1) / 2
 _DEGREE = math.pi / 180
+LONGEST = 40.0  # action units, of a delta on any axis
 _SHARPEST = 2.5  # logarithm of how much better than average the better direction may be known
 
 
@@ -142,7 +143,7 @@ def solve_delta(
     shape: Tensor,
     matrix: Tensor,
     damping: Tensor,
-    limit: float = 40.0,
+    limit: float = LONGEST,
 ) -> tuple[Tensor, Tensor]:
     """Pose delta (B, 6) whose first-order displacement fits best, and its information (B, 6, 6).
 

@@ -28,7 +28,7 @@ from moveit6d.synthesis.training.shards import (
     written_digest,
 )
 from moveit6d.synthesis.training.source import PairSource
-from tests.support.pairs import small_source
+from tests.support.pairs import small_source, write_every_shard
 
 PLAN = ShardPlan(shards=5, batches=2, batch_size=2, seed=3)
 
@@ -42,12 +42,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> PairSource:
 @pytest.fixture(scope="module")
 def whole(source: PairSource, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """All shards, written by one writer."""
-    folder = tmp_path_factory.mktemp("pairs")
-    writer = ShardWriter(source, PLAN, folder)
-    writer.claim()
-    for number in PLAN.part(1, 1):
-        writer.write(number)
-    return folder
+    return write_every_shard(source, PLAN, tmp_path_factory.mktemp("pairs"))
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -18,13 +18,9 @@ from ...geometry.pose import Pose
 from ...geometry.visibility import seen_box
 from ..visibility import check_start
 from .points import check_points, poses_from_points
-from .region import SearchRegion
+from .region import SearchRegion, overlap, width_at
 
-# What people draw and measure is rough. A pose may be off a distance by this ratio and the radius
-# of the object, and must cover this share of a box or mask, which may be larger than the object.
-DISTANCE_RATIO = 1.1
-LEAST_COVERED = 0.3
-BOX_RATIO = 1.5  # by which a box may be longer than the object can be at a distance
+DEFAULT = RegionConfig()
 
 
 def disagreement(
@@ -33,16 +29,19 @@ def disagreement(
     camera: Camera,
     centred: Pose,
     shift: float = 0.0,
-    ratio: float = DISTANCE_RATIO,
+    ratio: float | None = None,
+    config: RegionConfig = DEFAULT,
 ) -> str | None:
     """What a centred pose contradicts, and where it has the object; None if it agrees with all.
 
     `known` and `camera` are those of the image without its lens. `ratio` is how far off its
-    distance may be, `shift` how far aside it may be, in widths of the object.
+    distance may be (None: as in `config`), `shift` how far aside it may be, in widths of the
+    object.
     """
     distance, radius = float(centred.translation.norm()), mesh.sphere_diameter / 2
     if known.distance is not None:
         near, far = known.distance
+        ratio = config.distance_ratio if ratio is None else ratio
         if distance * ratio + radius < near or distance / ratio - radius > far:
             where = f"by the pose the object is {distance:.3g} m away"
             return f"{_named('distance', known.distance)} contradict each other: {where}"
@@ -54,7 +53,7 @@ def disagreement(
     tangent = float(np.hypot(x, y)) / max(z, radius)  # of a start at z = 0 it would have no end
     margin = shift * _longest(mesh, camera, distance, tangent)
     grown = (left - margin, top - margin, right + margin, bottom + margin)
-    if _covered(known, grown) >= LEAST_COVERED:
+    if _covered(known, grown) >= config.least_covered:
         return None
     where = f"{left:.0f} {top:.0f} {right - left:.0f} {bottom - top:.0f}"
     return f"{_name_of_box(known)} contradict each other: by the pose the object is at {where}"
@@ -79,7 +78,9 @@ def given_poses(
         check_start(known.near, mesh, camera)
         shift, ratio = config.near_shift, config.near_ratio  # it is only roughly right
         centred = mesh.inner(known.near)
-        _refuse("start pose", disagreement(known, mesh, camera.pinhole, centred, shift, ratio))
+        _refuse(
+            "start pose", disagreement(known, mesh, camera.pinhole, centred, shift, ratio, config)
+        )
         found.append(known.near)
     if points is not None:
         if instances > 1:
@@ -88,7 +89,8 @@ def given_poses(
             )
         check_points(points, mesh)
         clicked = poses_from_points(points, camera)
-        _refuse("points", disagreement(known, mesh, camera.pinhole, mesh.inner(clicked[0])))
+        centred = mesh.inner(clicked[0])
+        _refuse("points", disagreement(known, mesh, camera.pinhole, centred, config=config))
         found += clicked
     return found
 
@@ -106,7 +108,7 @@ def _check_known(known: SearchRegion, mesh: Mesh, camera: Camera, config: Region
     corners = torch.tensor([[u, v] for u in (x, x + width) for v in (y, y + height)]).double()
     tangent = float(camera.pinhole.unproject(corners)[:, :2].norm(dim=1).max())
     longest, side = _longest(mesh, camera, nearest, tangent), max(width, height)
-    if BOX_RATIO * longest < config.box_ratio[0] * side:
+    if config.longest_ratio * longest < config.box_ratio[0] * side:
         # Once a lens is undone, pixels are no longer those of the user's image.
         what = "box" if known.mask is None else "mask"
         raise InputError(
@@ -121,22 +123,18 @@ def _longest(mesh: Mesh, camera: Camera, distance: float, tangent: float) -> flo
 
     A pinhole image, which has no lens, draws things out from the axis by 1 / cos² of the angle.
     """
-    ahead = 0.5 * (camera.fx + camera.fy) * mesh.sphere_diameter / distance
-    return ahead * (1 + tangent**2)
+    return width_at(distance, mesh, camera) * (1 + tangent**2)
 
 
 def _covered(known: SearchRegion, edges: tuple[float, float, float, float]) -> float:
     """Share of the mask's pixels, or of the box, within edges (left, top, right, bottom)."""
-    left, top, right, bottom = edges
     if known.mask is not None:
+        left, top, right, bottom = edges
         rows, columns = np.nonzero(known.mask)
         inside = (left <= columns) & (columns <= right) & (top <= rows) & (rows <= bottom)
         return float(inside.mean())
     assert known.bounds is not None
-    x, y, width, height = known.bounds
-    across = max(0.0, min(right, x + width) - max(left, x))
-    down = max(0.0, min(bottom, y + height) - max(top, y))
-    return across * down / (width * height)
+    return float(overlap(torch.tensor([edges]), known.bounds)[1])
 
 
 def _name_of_box(known: SearchRegion) -> str:

@@ -218,15 +218,7 @@ class PoseDetector:
         Without what does not agree with what is known.
         """
         refined = yield from self._tournament(frame, poses, stages, instances, known.taken)
-        found = self._verified(
-            frame,
-            [
-                one
-                for one in refined
-                if one.centred is not None
-                and disagreement(known, self.mesh, frame.camera, one.centred) is None
-            ],
-        )
+        found = self._verified(frame, [one for one in refined if self._agrees(frame, one, known)])
         yield
         return found
 
@@ -285,6 +277,13 @@ class PoseDetector:
                 ]
                 yield
         return results
+
+    def _agrees(self, frame: Frame, result: Refined, known: SearchRegion) -> bool:
+        """Whether a pose was found that agrees with what is known."""
+        if result.centred is None:
+            return False
+        config = self.config.region
+        return disagreement(known, self.mesh, frame.camera, result.centred, config=config) is None
 
     def _verified(self, frame: Frame, results: Sequence[Refined]) -> list[FoundPose]:
         """Of each place the most confident pose: fit its contour, and verify it.

@@ -158,7 +158,7 @@ class SearchRegion:
         bounds = self.bounds
         if bounds is not None:
             edges = pixels.repeat(1, 2) + boxes * sizes[:, None]
-            union, covered = _overlap(edges, bounds)
+            union, covered = overlap(edges, bounds)
             part = (covered >= config.part_covered) & (union >= config.part_overlap)
             allowed &= (union >= config.box_overlap) | part
         if self.near is not None:
@@ -176,19 +176,23 @@ def _widths_between(
 ) -> tuple[float, float]:
     """Widths of the object's sphere, pixels, at the farthest and at the nearest distance."""
     near, far = distance
-    product = 0.5 * (camera.fx + camera.fy) * mesh.sphere_diameter
+    largest = width_at(near, mesh, camera)
     least = max(SMALLEST_WIDTH, SMALLEST_SHARE * min(camera.width, camera.height))
-    if product / near < least:
+    if largest < least:
         raise InputError(
             f"distance {near:g} {far:g}: even at {near:g} m the object would be under {least:g} "
             f"pixels wide in an image of {camera.width}×{camera.height}, too small to be found; "
             "check the metres and the mesh's unit."
         )
-    return max(product / far, least), product / near
+    return max(width_at(far, mesh, camera), least), largest
 
 
 def _width(mesh: Mesh, pose: Pose, camera: Camera) -> float:
-    distance = float(mesh.inner(pose).translation.norm())
+    return width_at(float(mesh.inner(pose).translation.norm()), mesh, camera)
+
+
+def width_at(distance: float, mesh: Mesh, camera: Camera) -> float:
+    """Width of the object's sphere at a distance on the camera's axis, pixels."""
     return 0.5 * (camera.fx + camera.fy) * mesh.sphere_diameter / distance
 
 
@@ -196,7 +200,7 @@ def _pixel(mesh: Mesh, pose: Pose, camera: Camera) -> Tensor:
     return camera.project(mesh.inner(pose.to(torch.float64)).translation).to(torch.float32)
 
 
-def _overlap(edges: Tensor, bounds: tuple[float, float, float, float]) -> tuple[Tensor, Tensor]:
+def overlap(edges: Tensor, bounds: tuple[float, float, float, float]) -> tuple[Tensor, Tensor]:
     """Of boxes (N, 4), given by edges, with one (x, y, width, height): their common part.
 
     As shares of the union, and of the one box.

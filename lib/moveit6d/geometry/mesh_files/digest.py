@@ -26,12 +26,12 @@ def mesh_digest(path: Path) -> str:
     The same wherever the same files lie.
     """
     whole = hashlib.sha256()
-    for one in mesh_files(path):
+    for one in files_of_mesh(path):
         whole.update(hashlib.sha256(read_bytes(one)).digest())
     return whole.hexdigest()
 
 
-def mesh_files(path: Path) -> list[Path]:
+def files_of_mesh(path: Path) -> list[Path]:
     """A mesh file, the files that it names, and those of symmetries beside it; the mesh first."""
     own = find_beside(path, f"{path.stem}.mtl")  # also where an OBJ file names none
     files = dict.fromkeys([path, *_named(path, path), *([own] if own else [])])

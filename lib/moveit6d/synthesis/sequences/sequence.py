@@ -23,7 +23,7 @@ from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 from ...geometry.symmetry_file import write_symmetries
-from ...io import replacing_folder, write_json
+from ...io import refuse_foreign, replacing_folder, write_json
 from ...rendering.backends import make_renderer
 from ...threads import limited_threads
 from ...typing import RGBImage
@@ -262,9 +262,4 @@ def check_replaceable(folder: Path) -> None:
         raise InputError(f"{folder} exists and is not a sequence made here; give a new folder.")
     inside = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*"))
     foreign = [name for name in inside if not WRITTEN.fullmatch(name)]
-    if foreign:
-        more = f" and {len(foreign) - 4} more" if len(foreign) > 4 else ""
-        raise InputError(
-            f"{folder} holds {', '.join(foreign[:4])}{more} beside a sequence made here, which "
-            "would be removed with it; give a new folder."
-        )
+    refuse_foreign(folder, foreign, "a sequence")

@@ -23,7 +23,7 @@ from ...errors import InputError
 from ...geometry.camera import Camera
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
-from ...io import read_json, replacing_folder, write_json
+from ...io import read_json, refuse_foreign, replacing_folder, write_json
 from ...typing import RGBImage
 from .difficulty import Difficulty, find_difficulty
 from .sequence import Scene, SyntheticFrame
@@ -188,10 +188,6 @@ def _check_foreign(root: Path) -> None:
     """
     if not (root / SURROGATE).is_file():
         return
-    known = read_json(root / SURROGATE).get("holds")
-    foreign = sorted({path.name for path in root.iterdir()} - set(known or ()))
-    if known is not None and foreign:
-        raise InputError(
-            f"{root} holds {', '.join(foreign[:4])} beside a data set made here, which would be "
-            "removed with it; give a new folder."
-        )
+    there = sorted(path.name for path in root.iterdir())
+    known = read_json(root / SURROGATE).get("holds", there)
+    refuse_foreign(root, [name for name in there if name not in known], "a data set")
