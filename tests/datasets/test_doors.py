@@ -27,6 +27,7 @@ from moveit6d.datasets.pose_files import (
 )
 from moveit6d.estimation.detection.points import read_points
 from moveit6d.evaluation.sequence_scores import confidences, score_results
+from moveit6d.evaluation.track_files import read_tracks
 from moveit6d.evaluation.track_scores import read_track
 from moveit6d.evaluation.ycbv import keyframes
 from moveit6d.geometry.camera import Camera
@@ -77,7 +78,7 @@ def test_a_sequence_folder_as_text(make_sequence: Callable[..., Any]) -> None:
     (same,) = sequences.read_sequences(folder)
     assert one.name == same.name == "easy_00" and one.folder == made.folder
     assert score_results([one], folder)["easy_00"].below_5 == 1.0
-    assert len(confidences([one], folder)[0]) == 0
+    assert len(confidences(read_tracks([one], folder))[0]) == 0
 
 
 def test_boxes_points_and_keyframes_as_text(tmp_path: Path) -> None:
