@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from moveit6d.errors import InputError
+from moveit6d.networks import bfloat16 as bfloat16_convolutions
 from moveit6d.networks import inference
 from moveit6d.networks.action_net import ActionNet
 from moveit6d.networks.compact import CompactCorrelationNet
@@ -43,11 +44,17 @@ def test_folded_and_traced_networks_answer_as_the_original(kind: type) -> None:
     assert all(parameter.requires_grad for parameter in original.parameters())
 
 
-def test_bfloat16_moves_the_shipped_networks_answers_by_hundredths() -> None:
+@pytest.mark.parametrize("batch", [1, 2, TRACED, TRACED + 3])
+@pytest.mark.parametrize("packed", [True, False])
+def test_bfloat16_moves_the_shipped_networks_answers_by_hundredths(
+    packed: bool, batch: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not packed:
+        monkeypatch.setattr(bfloat16_convolutions, "_can_pack", lambda: False)
     network = load_network(SHIPPED_WEIGHTS).network
     exact = InferenceNetwork(network, compute="float32")
     bfloat16 = InferenceNetwork(network, compute="bfloat16")
-    observation = an_observation(TRACED + 3, seed=4)
+    observation = an_observation(batch, seed=4)
     wanted, found = exact(observation), bfloat16(observation)
     assert wanted.delta is not None and found.delta is not None
     off = (found.delta - wanted.delta).abs()

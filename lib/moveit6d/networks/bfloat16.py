@@ -76,8 +76,10 @@ class _Packed(nn.Module):
         weight = convolution.weight.detach()
         bias = weight.new_zeros(len(weight)) if convolution.bias is None else convolution.bias
         packed = torch.ops.mkldnn._reorder_convolution_weight(weight, *self.how)
-        self.register_buffer("bias", bias.detach(), persistent=False)
-        self.register_buffer("weight", packed, persistent=False)
+        # Persistent, as a trace takes a network's state as its inputs: what oneDNN has laid out
+        # cannot be a constant of its graph.
+        self.register_buffer("bias", bias.detach())
+        self.register_buffer("weight", packed)
 
     def forward(self, features: Tensor) -> Tensor:
         convolve, _ = _scripted()
