@@ -17,6 +17,9 @@ ALL := $(VENV)/.moveit6d-all
 # TORCH_INDEX to the address of PyTorch's index of CPU wheels (see its installation page).
 TORCH_INDEX ?=
 
+# Tests run in so many processes beside each other, each on one thread.
+TEST_PROCESSES ?= 2
+
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .PHONY: install demo demo-real test lint docs clean
@@ -69,7 +72,7 @@ $(VENV)/.moveit6d-docs: $(ALL)
 	@touch $@
 
 test: lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses $(TEST_PROCESSES) --dist worksteal
 
 clean:
 	rm -rf $(VENV) demo build dist .pytest_cache .mypy_cache .ruff_cache

@@ -21,7 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from moveit6d import InputError, Mesh, Pose, PoseTracker, load_policy, make_renderer
+from moveit6d import (
+    InputError,
+    Mesh,
+    Pose,
+    PoseTracker,
+    TrackerConfig,
+    load_policy,
+    make_renderer,
+)
+from moveit6d.config import RecoveryConfig
 from moveit6d.geometry.crop import PATCH_SIZE, look_at
 from moveit6d.rendering.renderer import GBuffer, Renderer, check_batch, gather
 from moveit6d.synthesis.objects.demo_object import demo_object
@@ -113,9 +122,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         f"{1000 * float((one.depth - two.depth)[both].abs().median()):.2f} mm, colours to "
         f"{float((one.albedo - two.albedo).abs().median()):.3f} (medians)"
     )
+    # Looking for a lost object would draw it from a thousand sides, with points in minutes.
+    config = TrackerConfig(recovery=RecoveryConfig(enabled=False))
     for renderer in renderers:
         policy = load_policy(args.weights)
-        tracker = PoseTracker(mesh, scene.camera, shots[0].pose, policy=policy, renderer=renderer)
+        tracker = PoseTracker(
+            mesh, scene.camera, shots[0].pose, policy=policy, renderer=renderer, config=config
+        )
         found = [tracker.update(rendered.image) for rendered in shots[1:]]
         errors = [
             1000 * float((result.pose.translation - rendered.pose.translation).norm())
