@@ -97,8 +97,7 @@ class BankStream(IterableDataset[TrainingBatch]):
                 if not waiting or not waiting[0].done():
                     break
                 new = waiting.popleft().result()
-                if bank.fits(new):
-                    bank.put(slots[1][int(random.integers(len(shapes)))], new)
+                bank.put(slots[1][int(random.integers(len(shapes)))], new)
 
 
 class BankHands:

@@ -22,15 +22,16 @@ from pytorch_lightning.cli import LightningArgumentParser, LightningCLI
 
 from moveit6d.checks import reading
 from moveit6d.errors import InputError
-from moveit6d.io import check_writable, read_text
+from moveit6d.io import IS_READ, check_places, check_writable, read_text
 from moveit6d.networks.weights_file import WEIGHTS_NAME
 
 from .callbacks import FigureLine, LastCheckpoint, WeightsExport
-from .fit_record import claim
+from .fit_record import RECORD, claim
 from .pair_data_module import PairDataModule
 from .pose_action_module import PoseActionModule
 
 MOST_ALIASES, LARGEST_CONFIGURATION = 50, 1 << 20  # of YAML; characters
+SAVED_CONFIG = "config.yaml"  # as Lightning calls what it saves of a fit
 EVERY = 250  # steps between checkpoints and between weights files, if nothing else is asked for
 
 
@@ -78,7 +79,17 @@ class FitCLI(LightningCLI):
         check_writable(folder / WEIGHTS_NAME)
         assert isinstance(self.model, PoseActionModule)
         assert isinstance(self.datamodule, PairDataModule)
+        saved = Path(self.trainer.log_dir or folder) / SAVED_CONFIG
+        written = {"--output": (folder / WEIGHTS_NAME, folder / RECORD, saved)}
+        check_places(written, dict.fromkeys(self._read(), IS_READ))
         claim(folder, {**self.model.facts(), **self.datamodule.facts()})
+
+    def _read(self) -> Iterator[Path]:
+        """The single files that the fit reads: configurations and weights."""
+        yield from (Path(str(path)) for path in self.config["fit"].get("config") or ())
+        model, teacher = self.model, self.model.teacher
+        weights = (model.init_from, teacher and teacher.path, self.datamodule.rollouts.weights)
+        yield from (path for path in weights if path is not None)
 
     def before_instantiate_classes(self) -> None:
         """Limit the threads, and settle the memory, before anything is computed."""

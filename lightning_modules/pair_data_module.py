@@ -26,7 +26,9 @@ from moveit6d.synthesis.training.source import PairSource, mesh_files
 from .bank_pairs import BankStream
 from .pair_streams import PairStream, RolloutConfig, WrittenStream, check_leads
 
-LARGEST_VALIDATION = 32  # pairs a batch: they are drawn on a CPU, also where training pairs are not
+# Pairs a batch, which a CPU draws, also where it does not draw training pairs. No setting: figures
+# are means over all pairs, and how many these are is set by `validation_batches`.
+LARGEST_VALIDATION = 32
 
 
 class PairDataModule(pl.LightningDataModule):
@@ -51,7 +53,8 @@ class PairDataModule(pl.LightningDataModule):
             so few pairs are not learnt by heart.
         batch_size: pairs a batch, in each training process.
         workers: processes that draw pairs.
-        validation_batches: fixed batches of pairs for validation.
+        validation_batches: fixed batches for validation, each of `batch_size` pairs, but of 32 at
+            most.
         seed: of everything random; a resumed run goes on with pairs not seen before.
         pairs: all that is random about a pair.
         rollouts: whether, and how, states that the network itself leads to are trained on.

@@ -11,6 +11,8 @@ import pytest
 
 from moveit6d.errors import InputError
 from moveit6d.io import (
+    check_places,
+    discard,
     read_json,
     read_json_list,
     read_text,
@@ -44,6 +46,27 @@ def test_an_error_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
         temporary.write_text("half")
         raise RuntimeError
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+
+
+def test_what_is_discarded_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    path.write_text("old")
+    place = replacing(path)
+    place.__enter__().write_text("half")
+    discard(place)
+    assert [one.read_text() for one in tmp_path.iterdir()] == ["old"]
+
+
+def test_no_file_takes_the_place_of_an_input_or_of_another_output(tmp_path: Path) -> None:
+    folder, own = tmp_path / "data", tmp_path / "own.csv"
+    folder.mkdir()
+    (folder / "there.csv").touch()
+    for name, said in (("own.csv", "stays"), ("data/there.csv", "this run reads"), (".", "stays")):
+        with pytest.raises(InputError, match=f"^--output: .* would be replaced, which {said}; "):
+            check_places({"--output": [tmp_path / name]}, {own: "stays"}, [folder])
+    check_places({"--output": [folder / "new.csv", None]}, {own: "stays"}, [folder])
+    with pytest.raises(InputError, match=r"^--b: .*new\.csv would be replaced, which --a writes"):
+        check_places({"--a": [folder / "new.csv"], "--b": [folder / "new.csv"]}, {})
 
 
 def test_an_error_leaves_the_old_folder_and_no_other(tmp_path: Path) -> None:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import os
+import signal
+import sys
 from collections.abc import Callable
+from importlib.machinery import ModuleSpec
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -70,11 +74,33 @@ def test_workers_that_have_nothing_left_to_do_end_by_themselves(tmp_path: Path) 
 
 
 def test_ray_is_named_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    import sys
-
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(InputError, match=r"pip install 'moveit6d\[ray\]'"):
         list(run_jobs(tasks.square, [1], ray="local"))
+
+
+class OneSmallMachine(SimpleNamespace):
+    """Ray, on a machine of two processors; it takes SIGTERM for itself, as Ray does."""
+
+    def init(self, **_: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+
+    def nodes(self) -> list[dict[str, Any]]:
+        return [{"Resources": {"CPU": 2.0}}, {"Resources": {"memory": 1.0}}]
+
+    def shutdown(self) -> None:
+        self.ended = True
+
+
+def test_more_processors_than_a_machine_of_the_cluster_has_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ray = OneSmallMachine(__spec__=ModuleSpec("ray", None))
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(InputError, match=r"to have 3 CPUs.*more than 2; give fewer --threads"):
+        list(run_jobs(tasks.square, [1], ray="local", cpus=3))
+    assert ray.ended and signal.getsignal(signal.SIGTERM) is before
 
 
 @pytest.mark.filterwarnings("ignore")  # Ray's own

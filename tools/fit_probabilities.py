@@ -1,7 +1,7 @@
 """Fits `VerificationConfig`, `StateConfig` and `SingleImageConfig`: how likely a pose is right.
 
     python -m tools.fit_probabilities --meshes MESHES --photos PHOTOS [--weights FILE]
-        [--calibrated FILE] [--jobs 2]
+        [--calibrated FILE] [--sequences FOLDER …] [--jobs 2]
 
 On synthetic pictures and sequences of training meshes that were held out (by the rule of
 `PairDataModule`), objects that are not there among them. Prints the weights and, cross-validated by
@@ -25,16 +25,16 @@ import torch
 from numpy.typing import NDArray
 
 from lightning_modules.pair_data_module import PairDataModule
-from moveit6d import Mesh, Pose, PoseDetector, PoseTracker, load_policy, make_renderer
+from moveit6d import Mesh, Pose, PoseDetector, load_policy, make_renderer
 from moveit6d.actions import PoseAction
-from moveit6d.config import RecoveryConfig, SingleImageConfig, TrackerConfig
+from moveit6d.config import SingleImageConfig, TrackerConfig
 from moveit6d.datasets.video import open_frames
 from moveit6d.estimation import TemplateStore
 from moveit6d.estimation.estimator import refine_single
 from moveit6d.estimation.final_confidence import search_confidences
 from moveit6d.estimation.results import Refined, Target, TrackingResult, starts_of
 from moveit6d.estimation.states import log_odds
-from moveit6d.evaluation.metrics import ADD_LIMIT, auroc
+from moveit6d.evaluation.metrics import auroc
 from moveit6d.evaluation.metrics.calibration import reliability
 from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.weights_file import load_network, save_network
@@ -45,38 +45,21 @@ from moveit6d.synthesis.sequences.sequence import Scene
 from moveit6d.synthesis.single_images import make_cases
 from moveit6d.synthesis.training.clusters import ClusterConfig, draw_delta
 from tools.scenes import of_size, relative_error, spoilt, spoilt_picture, table
+from tools.tracked_frames import (
+    DIFFICULTIES,
+    FRAMES,
+    Example,
+    tracked_frames,
+    uncoloured_frames,
+)
 
-DIFFICULTIES = ("occ", "fast", "hard")
 TABLETOP = "easy"  # with other objects around the first one, which touch and hide it
 POOR = 0.5  # share of the pictures of tables that are spoilt
 PHOTOS = 150  # read at most
-FRAMES = 44  # of a sequence
-GONE = range(16, 30)  # those that are other pictures
-BORDERLINE = 1.5  # errors between the limit and so many times it are neither right nor wrong
 STARTS = (("all_small", 0.0), ("all_large", 0.0), ("all_large", 1.0))  # cluster, share occluded
 REFINED = 40  # pictures of each mesh and kind of start, and starts of each mesh on tables
 RIDGE = 2.0
-NEVER = TrackerConfig(recovery=RecoveryConfig(enabled=False))
 PLAIN = TrackerConfig(single_image=SingleImageConfig(1.0, 0.0, 0.0))  # the confidence itself
-
-
-@dataclass(frozen=True)
-class Example:
-    """A pose: its evidence, the confidence first; its error in diameters; and of which mesh."""
-
-    evidence: tuple[float, float]
-    error: float
-    mesh: str
-
-    @property
-    def right(self) -> bool:
-        """Whether the error is below the limit of ADD."""
-        return self.error < ADD_LIMIT
-
-    @property
-    def borderline(self) -> bool:
-        """Whether the pose is neither right nor wrong."""
-        return ADD_LIMIT <= self.error < BORDERLINE * ADD_LIMIT
 
 
 def main() -> None:
@@ -86,6 +69,10 @@ def main() -> None:
     parser.add_argument("--photos", type=Path, required=True, help="backgrounds")
     parser.add_argument("--weights", type=Path, help="weights file instead of the shipped one")
     parser.add_argument("--calibrated", type=Path, help="file for the calibrated network")
+    parser.add_argument(
+        "--sequences", type=Path, nargs="*", default=(),
+        help="folders with sequences DIFFICULTY_MESH of held-out meshes, tracked without colours",
+    )  # fmt: skip
     parser.add_argument("--pictures", type=int, default=2, help="of each mesh and difficulty")
     parser.add_argument("--seed", type=int, default=0, help="of the pictures")
     parser.add_argument("--jobs", type=int, default=1, help="meshes worked on at a time")
@@ -103,22 +90,27 @@ def main() -> None:
         if job.result is None:
             print(f"{tasks[job.index].mesh.name} teaches nothing: {job.error}")
     gathered = [job.result for job in done if job.result is not None]
-    found, followed, refined, present = (
-        [one for result in gathered for one in result[kind]] for kind in range(4)
+    found, followed, refined, present, uncoloured = (
+        [one for result in gathered for one in result[kind]] for kind in range(5)
     )
+    policy = load_policy(args.weights or SHIPPED_WEIGHTS)
+    uncoloured += [one for path in args.sequences for one in uncoloured_frames(path, policy)]
     if args.calibrated is not None:
         given = args.weights or SHIPPED_WEIGHTS
         line = platt([*(one for one in followed if np.isfinite(one.error)), *refined])
         write_calibrated(given, line, args.calibrated)
         followed, refined = calibrated(followed, line), calibrated(refined, line)
-        policy = load_policy(given)
+        uncoloured = calibrated(uncoloured, line)
         if policy.for_search is policy:  # else searches ask a head that the line is not in
             found, present = calibrated(found, line), calibrated(present, line)
-    weights = report("VerificationConfig", ("confidence", "similarity"), in_log_odds(found))
+    sure = without_borderline(in_log_odds(found))
+    weights = report("VerificationConfig", ("confidence", "similarity"), sure)
     report_present(weights, in_log_odds(present))
-    report("StateConfig", ("confidence", "agreement"), followed)
+    report("StateConfig", ("confidence", "agreement"), without_borderline(followed))
+    # Without colours a seventh of the poses are borderline: left out they make all seem surer.
+    report("StateConfig, uncoloured", ("confidence", "agreement"), in_log_odds(uncoloured))
     both = [replace(one, evidence=tuple(map(log_odds, one.evidence))) for one in refined]
-    report("SingleImageConfig", ("confidence", "search_confidence"), both)
+    report("SingleImageConfig", ("confidence", "search_confidence"), without_borderline(both))
 
 
 @dataclass(frozen=True)
@@ -137,10 +129,11 @@ class Task:
     pictures: int
 
 
-def examples_of(
-    task: Task,
-) -> tuple[list[Example], list[Example], list[Example], list[Example]]:
-    """Examples of one mesh: of detections, tracks, refinements, and detections of what is there."""
+def examples_of(task: Task) -> tuple[list[Example], ...]:
+    """Examples of one mesh: of detections, tracks, refinements, and detections of what is there.
+
+    And of tracks without the mesh's colours.
+    """
     torch.set_num_threads(1)
     meshes = [Mesh.load(path, allow_flat=True) for path in (task.mesh, task.other)]
     beside = [of_size(Mesh.load(path, allow_flat=True), meshes[0].diameter) for path in task.beside]
@@ -152,6 +145,7 @@ def examples_of(
         list(tracked_frames(meshes[0], photos, policy, task.seed)),
         list(refinements(meshes[0], beside, photos, policy, task.seed)),
         list(present_ones((task.mesh, task.other, *task.beside), photos, policy, task.seed)),
+        list(tracked_frames(meshes[0], photos, policy, task.seed, coloured=False)),
     )
 
 
@@ -200,6 +194,11 @@ def said_for_searches(
     end = Refined(centred, 0, result.stopped_by, result.confidence, 0.0)
     asked = search_confidences([start], [end], policy=policy, renderer=renderer, loop=PLAIN.loop)
     return asked[0].confidence if asked else 0.5  # no weight of it then
+
+
+def without_borderline(examples: Sequence[Example]) -> list[Example]:
+    """The examples that are right or wrong."""
+    return [one for one in examples if not one.borderline]
 
 
 def logit(confidence: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -299,37 +298,8 @@ def present_ones(
             yield Example(values, error, target.mesh.name)
 
 
-def tracked_frames(
-    mesh: Mesh, photos: Sequence[NDArray[np.uint8]], policy: NetworkPolicy, seed: int
-) -> Iterator[Example]:
-    """Frames of tracks in which the object goes away for a while."""
-    from PIL import Image
-
-    random = np.random.default_rng(seed)
-    for order, difficulty in enumerate(DIFFICULTIES):
-        scene = Scene(mesh, seed + 500 + order, FRAMES, difficulty, photos)
-        size = (scene.camera.width, scene.camera.height)
-        tracker = PoseTracker(
-            mesh, scene.camera, scene.render_frame(0).pose, policy=policy, config=NEVER
-        )
-        for k in range(1, FRAMES):
-            frame = scene.render_frame(k)
-            image = frame.image
-            if k in GONE:
-                photo = photos[int(random.integers(len(photos)))]
-                image = np.array(Image.fromarray(photo).resize(size))
-            result = tracker.update(image)
-            if k == GONE[-1]:
-                tracker.reset(frame.pose)
-            if result.pose is None or result.contour_agreement is None:
-                continue
-            error = np.inf if k in GONE else relative_error(mesh, result.pose, frame.pose)
-            yield Example((result.confidence, result.contour_agreement), error, mesh.name)
-
-
 def report(name: str, names: Sequence[str], examples: Sequence[Example]) -> NDArray[np.float64]:
     """The weights, printed with how well those fitted without a mesh do on it."""
-    examples = [one for one in examples if not one.borderline]  # they teach nothing
     values = np.array([one.evidence for one in examples])
     right = np.array([one.right for one in examples])
     owner = np.array([one.mesh for one in examples])

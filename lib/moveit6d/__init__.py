@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from .datasets.video import open_frames
     from .errors import InputError
     from .estimation import PoseDetector, PoseEstimator, PoseTracker, TrackingResult
+    from .estimation.detection import detect_objects
     from .geometry.camera import Camera
     from .geometry.mesh import Mesh
     from .geometry.pose import Pose
@@ -34,6 +35,7 @@ _HOMES = {
     "PoseTracker": "estimation",
     "PoseEstimator": "estimation",
     "PoseDetector": "estimation",
+    "detect_objects": "estimation.detection",
     "TrackingResult": "estimation",
     "TrackerConfig": "config",
     "PAPER_CONFIG": "config",
@@ -55,6 +57,7 @@ __all__ = [
     "PoseTracker",
     "PoseEstimator",
     "PoseDetector",
+    "detect_objects",
     "TrackingResult",
     "TrackerConfig",
     "PAPER_CONFIG",

@@ -14,14 +14,15 @@ import math
 import os
 import shutil
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from .errors import InputError
 
 LARGEST_TEXT = 512 * 2**20  # bytes
+IS_READ = "this run reads"  # why an input must stay
 PROCESSES = 2**22 + 1  # numbers of processes are below; a user's date (.set.20260131) is not
 
 
@@ -53,6 +54,13 @@ def replacing(path: Path) -> Iterator[Path]:
         os.replace(temporary, path)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}.") from error
+
+
+def discard(place: AbstractContextManager[Path]) -> None:
+    """End a `replacing` that was entered by hand: nothing appears, an older file stays."""
+    nothing = InputError("there is nothing to write.")
+    with suppress(InputError):
+        place.__exit__(type(nothing), nothing, None)
 
 
 def write_all(file: io.RawIOBase, data: bytes) -> None:
@@ -97,6 +105,41 @@ def _probe(folder: Path) -> None:
     probe = folder / f".{os.getpid()}.probe"
     probe.touch()
     probe.unlink()
+
+
+def check_places(
+    written: Mapping[str, Iterable[Path | None]],
+    taken: Mapping[Path, str],
+    folders: Iterable[Path] = (),
+) -> None:
+    """`InputError` where a file of an option would take the place of another one of the run.
+
+    `written` are the options with their files, or with a folder that is replaced by a new one;
+    `taken` are files with the reason why they must stay; so must every file in `folders`.
+    """
+    kept: dict[Path, str] = {}
+    for path, why in taken.items():
+        _keep(kept, path, why)
+    inputs = [folder.resolve() for folder in folders]
+    for option, paths in written.items():
+        given = [path for path in paths if path is not None]
+        for path in given:
+            place = path.resolve()
+            inside = place.is_file() and any(folder in place.parents for folder in inputs)
+            reason = kept.get(place, IS_READ if inside else None)
+            if reason is not None:
+                raise InputError(
+                    f"{option}: {path} would be replaced, which {reason}; give another name."
+                )
+        for path in given:
+            _keep(kept, path, f"{option} writes")
+
+
+def _keep(kept: dict[Path, str], path: Path, why: str) -> None:
+    """Nothing may be written at a path, nor where a folder around it is."""
+    place = path.resolve()
+    for one in (place, *place.parents):
+        kept.setdefault(one, why)
 
 
 def file_digest(path: Path) -> str:

@@ -13,10 +13,11 @@ import signal
 import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
+from threading import current_thread, main_thread
 from typing import Any, Generic, TypeVar
 
 from .errors import InputError
@@ -178,7 +179,7 @@ def _serve(pipe: Connection) -> None:
 def _on_ray(
     work: Work[Item, Result], items: Sequence[Item], address: str, cpus: int
 ) -> Iterator[JobResult[Result]]:
-    ray = _connect(address)
+    ray = _connect(address, cpus)
     # Ray itself does a task again whose worker died; exceptions are never tried again.
     task = ray.remote(max_retries=RETRIES, num_cpus=cpus)(_job_result)
     try:
@@ -194,17 +195,37 @@ def _on_ray(
         ray.shutdown()  # of a cluster that was there before: only leaves it
 
 
-def _connect(address: str) -> Any:
+def _connect(address: str, cpus: int) -> Any:
+    """Ray, connected; `InputError` where no machine of the cluster has so many CPUs for a task."""
     require("ray", "--ray")
     import ray
 
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # tell nobody
     local: dict[str, Any] = {"include_dashboard": False} if address == "local" else {}
     try:
-        ray.init(address=address, logging_level=logging.ERROR, **local)
+        with _own_handlers():
+            ray.init(address=address, logging_level=logging.ERROR, **local)
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise InputError(
             f"there is no Ray cluster at {address} ({error}); start one with `ray start --head`, "
             "or use --ray local."
         ) from error
+    most = max((node["Resources"].get("CPU", 0) for node in ray.nodes()), default=0)
+    if cpus > most:
+        ray.shutdown()
+        raise InputError(
+            f"a task is to have {cpus} CPUs, and no machine of the Ray cluster at {address} has "
+            f"more than {most:.0f}; give fewer --threads."
+        )
     return ray
+
+
+@contextmanager
+def _own_handlers() -> Iterator[None]:
+    """What this program does at signals stays: Ray's way to end is to abort."""
+    numbers = (signal.SIGTERM, signal.SIGINT)
+    heard = {number: signal.getsignal(number) for number in numbers}
+    yield
+    if current_thread() is main_thread():
+        for number, handler in heard.items():
+            signal.signal(number, handler)

@@ -37,6 +37,24 @@ def use_oracle(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
 
 @pytest.fixture
+def use_search(monkeypatch: pytest.MonkeyPatch) -> Callable[[Pose | None], list[dict[str, Any]]]:
+    """Lets searches of a first frame find a pose, or nothing; what is known there is listed."""
+
+    def use(pose: Pose | None) -> list[dict[str, Any]]:
+        asked: list[dict[str, Any]] = []
+
+        def found(detector: Any, first: Any, known: dict[str, Any], *_: Any) -> Pose | None:
+            asked.append(known)
+            return pose
+
+        monkeypatch.setattr("moveit6d.estimation.PoseDetector", lambda *_, **__: None)
+        monkeypatch.setattr("moveit6d.cli.starting.first_pose", found)
+        return asked
+
+    return use
+
+
+@pytest.fixture
 def interrupt_update(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     """Presses Ctrl-C at the tracker's n-th frame, counted from 1 over all trackers."""
     update = PoseTracker.update

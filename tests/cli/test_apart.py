@@ -104,6 +104,15 @@ def cases(clip: Clip, tmp_path: Path) -> dict[str, list[str]]:
     textured_glb().write(tmp_path / "mesh.glb")
     (tmp_path / "s.yaml").write_text("low_confidence: 0.4\n")
     (tmp_path / "a.csv").write_text("scene_id,im_id,obj_id,score,R,t,time\n")
+    (tmp_path / "runtime.json").write_text('{"low_confidence": 0.4}')
+    (tmp_path / "pairs.yaml").write_text("data:\n  shapes: 2\n")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "tracks").symlink_to(tmp_path / "poses")
+    (tmp_path / "photos" / "test").mkdir()
+    (tmp_path / "photos" / "test" / "mask.png").write_text("mask")
+    shutil.copytree(clip.folder, tmp_path / "poses")
+    (tmp_path / "rivals" / "other").mkdir(parents=True)
+    shutil.copy(clip.folder / "poses.csv", tmp_path / "rivals" / "other" / "clip.csv")
     (tmp_path / "found").mkdir()
     shutil.copy(clip.folder / "start.json", tmp_path / "found" / "pose.json")
     folder = str(clip.folder)
@@ -121,6 +130,10 @@ def cases(clip: Clip, tmp_path: Path) -> dict[str, list[str]]:
     detect = ["detect", *known, "--image", image]
     start = ["--start", f"{tmp}/found/pose.json", "--output", f"{tmp}/found"]
     data = ["--dataset", f"{tmp}/photos", "--split", "test"]
+    score = ["evaluate", "tracking", "--sequences", folder, "--results", f"{folder}/poses.csv"]
+    bench = ["benchmark", "tracking", "--sequences"]
+    lose = ["benchmark", "recovery", "--sequences", f"{tmp}/poses", "--photos", f"{tmp}/photos"]
+    sheet = ["contact-sheet", "--set", f"data.photos={tmp}/photos", "--set", "data.meshes=null"]
     return {
         "texture": [*doctor, f"{tmp}/drill.png"],
         "material": [*doctor, f"{tmp}/drill.mtl"],
@@ -138,12 +151,28 @@ def cases(clip: Clip, tmp_path: Path) -> dict[str, list[str]]:
                   "--print_board", f"{tmp}/photos/000001.png"],
         "mesh of a clip": ["synthesize", "--mesh", f"{tmp}/mesh.glb", "--output", tmp],
         "frames": ["detect", *known, "--image", image, "--output", f"{folder}/frames"],
+        "frame by a diagram": [*score, "--reliability", f"{folder}/frames/000000"],
+        "mask by a diagram": ["evaluate", "bop", *data, "--results", f"{tmp}/a.csv",
+                              "--reliability", f"{tmp}/photos/test/mask"],
+        "rival": [*bench, folder, "--rivals", f"{tmp}/rivals", "--output", f"{tmp}/rivals/other"],
+        "truth by a benchmark": [*bench, f"{tmp}/poses", "--output", f"{tmp}/poses"],
+        "truth by recovery": [*lose, "--output", f"{tmp}/poses"],
+        "settings of a reproduction": ["reproduce", "runtime", "--config", f"{tmp}/runtime.json",
+                                       "--output", tmp],
+        "truth by a reproduction": ["reproduce", "ycb_add", "--data", f"{tmp}/poses",
+                                    "--output", f"{tmp}/run"],
+        "photo of pairs": [*sheet, "--output", f"{tmp}/photos/000001.png"],
+        "configuration of pairs": [*sheet, "--config", f"{tmp}/pairs.yaml",
+                                   "--output", f"{tmp}/pairs.yaml"],
     }  # fmt: skip
 
 
 NAMES = [
     "texture", "material", "mesh", "start", "start of several", "truth beside the images", "truth",
     "settings", "initial", "targets", "photo", "board", "mesh of a clip", "frames",
+    "frame by a diagram", "mask by a diagram", "rival", "truth by a benchmark", "truth by recovery",
+    "settings of a reproduction", "truth by a reproduction", "photo of pairs",
+    "configuration of pairs",
 ]  # fmt: skip
 
 

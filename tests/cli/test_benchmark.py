@@ -75,6 +75,18 @@ def test_whoever_advises_an_option_has_it(
     assert "gone.mtl" in said.err and said.out.count("\n") > 2
 
 
+@pytest.mark.parametrize("command", ["tracking", "detection"])
+def test_a_command_without_the_option_does_not_advise_it(
+    make_sequence: Make, without_material: Path, capsys: Any, command: str
+) -> None:
+    folder = make_sequence("easy_00", frames=2).folder
+    (folder / "mesh.ply").unlink()
+    (without_material / "box.obj").rename(folder / "mesh.obj")
+    assert main(["benchmark", command, "--sequences", str(folder)]) == 2
+    said = capsys.readouterr().err
+    assert "gone.mtl" in said and "put it beside the mesh.\n" in said
+
+
 def test_the_oracle_runs_without_a_network_and_its_options(capsys: Any) -> None:
     assert main(["benchmark", "oracle", "--starts", "1"]) == 0
     assert "within half a step" in capsys.readouterr().out
@@ -82,3 +94,11 @@ def test_the_oracle_runs_without_a_network_and_its_options(capsys: Any) -> None:
         main(["benchmark", "oracle", "--starts", "1", "--float32"])
     assert ended.value.code == 2
     assert "there is no option --float32" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("share", ["50", "-1", "nan", "half"])
+def test_a_share_of_occluded_cases_is_from_0_to_1(share: str, capsys: Any) -> None:
+    words = ["benchmark", "refinement", "--objects", ".", "--photos", ".", "--occluded", share]
+    with pytest.raises(SystemExit) as ending:
+        main(words)
+    assert ending.value.code == 2 and "must be a number from 0 to 1" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,9 +10,10 @@ from typing import Any
 import pytest
 import torch
 
-from moveit6d.cli.benchmark_tracking import chosen, make_job
+from moveit6d.cli.benchmark_tracking import Bench, chosen, make_job
 from moveit6d.cli.common import Setting
 from moveit6d.cli.main import main, make_parser
+from moveit6d.cli.signals import Terminated
 from moveit6d.datasets.pose_files import PoseRow, read_poses, write_poses
 from moveit6d.estimation import PoseTracker
 from moveit6d.geometry.pose import Pose
@@ -244,13 +246,15 @@ def test_one_bad_sequence_does_not_stop_the_others(
 
 
 def test_a_kept_track_gets_a_page_of_now(sequences: Path, tmp_path: Path) -> None:
+    (sequences / "easy_00" / "frames" / "000002.png").write_bytes(b"no picture")
     report = tmp_path / "report"
     command = ["benchmark", "tracking", "--sequences", str(sequences), "--report", str(report)]
     command += ["--output", str(tmp_path / "out"), "--resume"]
     assert main(command) == 0
     (report / "easy_00.html").write_text("of an earlier track")
     assert main(command) == 0
-    assert "ADD" in (report / "easy_00.html").read_text()
+    page = (report / "easy_00.html").read_text()
+    assert "ADD" in page and "000002.png is not a readable image" in page
 
 
 def test_kept_tracks_without_a_video_or_log_are_said(
@@ -271,3 +275,27 @@ def test_our_row_may_not_be_called_like_a_rival(sequences: Path, rivals: Path, c
     command = ["benchmark", "tracking", "--sequences", str(sequences), "--rivals", str(rivals)]
     assert main([*command, "--name", "other"]) == 2
     assert "--name other: a rival is called so" in capsys.readouterr().err
+
+
+def test_a_signal_shows_what_was_tracked_and_is_the_exit_code(
+    sequences: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    def stop(self: Bench) -> None:
+        raise Terminated(signal.SIGTERM)
+
+    monkeypatch.setattr(Bench, "work", stop)
+    code = main(["benchmark", "tracking", "--sequences", str(sequences)])
+    assert code == 128 + signal.SIGTERM
+    assert "stopped by SIGTERM" in capsys.readouterr().err
+
+
+def test_a_video_of_a_track_has_the_rate_of_its_frames(
+    sequences: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import av
+
+    monkeypatch.setattr("moveit6d.datasets.video.ImageList.fps", 60.0)
+    command = ["benchmark", "tracking", "--sequences", str(sequences), "--only", "easy_00"]
+    assert main([*command, "--overlays", "--output", str(tmp_path / "out")]) == 0
+    with av.open(str(tmp_path / "out" / "easy_00.mp4")) as container:
+        assert container.streams.video[0].average_rate == 60

@@ -13,6 +13,7 @@ import pytest
 import torch
 from PIL import Image
 
+from moveit6d.cli.detect_answers import POINTS_ERROR, Answer
 from moveit6d.cli.main import main
 from moveit6d.datasets.pose_files import read_poses, write_camera
 from moveit6d.geometry.pose import Pose
@@ -61,21 +62,129 @@ def test_one_image_gives_a_start(detect: Detect, folder: Path, scene: Any, capsy
     assert facts["images"][0]["poses"][0]["accepted"] and facts["weights_sha256"]
 
 
+@pytest.mark.parametrize("camera", ["--camera", "--fov"])
+def test_one_image_is_decoded_once(
+    folder: Path, brick_file: Path, monkeypatch: pytest.MonkeyPatch, camera: str
+) -> None:
+    from moveit6d.cli import detect_images
+    from moveit6d.datasets import video
+
+    read, once = list[Path](), video.read_image
+
+    def recorded(path: Path, depth: Any = None) -> Any:
+        read.append(path)
+        return once(path, depth)
+
+    monkeypatch.setattr(video, "read_image", recorded)
+    monkeypatch.setattr(detect_images, "_answered", lambda *_: [Answer((), facts={})])
+    value = {"--camera": str(folder / "camera.json"), "--fov": "60"}[camera]
+    known = ["--mesh", str(brick_file), "--mesh_unit", "m", camera, value]
+    image = folder / "b.png"
+    assert main(["detect", *known, "--image", str(image), "--output", str(folder / "out")]) == 3
+    assert read == [image]
+
+
 def test_every_instance_gives_a_start(
-    detect: Detect, folder: Path, scene: Any, monkeypatch: pytest.MonkeyPatch
+    detect: Detect, folder: Path, scene: Any, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     from moveit6d.cli import detect_images
 
     poses = tuple((scene.pose(frame), 0.9, 3) for frame in (0, 6))
-    answers = iter(
-        [detect_images._Answer(poses, 0.9, 1.0, {}), detect_images._Answer((), facts={})]
-    )
+    answers = iter([[Answer(poses, 0.9, 1.0, {})], [Answer((), facts={})]])
     monkeypatch.setattr(detect_images, "_answered", lambda *_: next(answers))
     assert detect(["b.png"], "--instances", "2") == 0
+    said = capsys.readouterr().out
+    assert said.startswith("found 2 of 2 instances, probability 0.90, 0.90: ")
+    lines = (folder / "out" / "poses.csv").read_text().splitlines()
+    assert lines[0].endswith(",instance,state")
+    assert [line.split(",")[-2] for line in lines[1:]] == ["0", "1"]
     for name, frame in (("pose.json", 0), ("pose_2.json", 6)):
         assert near(Pose.load(folder / "out" / name), scene.pose(frame))
     assert detect(["b.png"], "--instances", "2") == 3
     assert not [*(folder / "out").glob("pose*.json")], "they are those of another run"
+
+
+def test_every_object_has_rows_a_start_and_a_sentence(
+    detect: Detect,
+    folder: Path,
+    brick_file: Path,
+    scene: Any,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: Any,
+) -> None:
+    from moveit6d.cli import detect_images
+
+    def answer(*asked: Any) -> list[Answer]:
+        poses = ((scene.pose(0), 0.9, 3),)
+        return [Answer((), 0.1, 5.0, {}), Answer(() if asked[1].index else poses, 0.9, 5.0, {})]
+
+    monkeypatch.setattr(detect_images, "_answered", answer)
+    (folder / "can.ply").write_bytes(brick_file.read_bytes())
+    both, out = ["--mesh", str(folder / "can.ply")], folder / "out"
+    assert detect(["b.png"], *both) == 0
+    said = capsys.readouterr()
+    assert said.out == (
+        "brick: not found in b.png (probability of the best pose 0.10)\n"
+        f"can: found in b.png, probability 0.90: {out / 'pose_can.json'}\n"
+    )
+    assert "not found: brick; narrow the search by --distance, or look for one object" in said.err
+    assert near(Pose.load(out / "pose_can.json"), scene.pose(0))
+    rows = read_poses(out / "poses.csv")
+    assert [(row.object, row.state) for row in rows] == [("brick", "lost"), ("can", "tracking")]
+    assert (np.asarray(Image.open(out / "overlay.png")) != scene.image(0)).any()
+    facts = json.loads((out / "detection.json").read_text(encoding="utf-8"))
+    assert facts["images"][0]["objects"] == {"brick": {}, "can": {}}
+    assert detect(["b.png", "a.png"], *both) == 0
+    said = capsys.readouterr()
+    assert f"can: found in 1 of 2 images: {out / 'poses.csv'}" in said.out.splitlines()
+    assert len(read_poses(out / "poses.csv")) == 4
+    assert not [*out.glob("pose_*.json")], "they are those of another run"
+
+
+def test_what_is_known_of_one_object_is_refused_with_several(
+    detect: Detect, brick_file: Path, capsys: Any
+) -> None:
+    both = ["--mesh", str(brick_file)]
+    assert detect(["b.png"], *both, "--box", "0", "0", "9", "9", "--start", "s.json") == 2
+    assert "--box, --start is for one object; leave it out with several" in capsys.readouterr().err
+    assert detect(["b.png"], *both, "--method", "seeds") == 2
+    assert "--method seeds takes one --mesh and one --image" in capsys.readouterr().err
+    assert detect(["b.png"], "--mesh_unit", "mm") == 2
+    assert "1 times --mesh but 2 times --mesh_unit" in capsys.readouterr().err
+
+
+def test_two_poses_are_not_written_to_one_file(
+    detect: Detect, folder: Path, brick_file: Path, capsys: Any
+) -> None:
+    (folder / "brick_2.ply").write_bytes(brick_file.read_bytes())
+    both = ["--mesh", str(folder / "brick_2.ply"), "--instances", "2"]
+    assert detect(["b.png"], *both) == 2
+    assert "Two poses would be written to pose_brick_2.json" in capsys.readouterr().err
+
+
+def test_a_pose_that_is_only_clicked_is_counted_apart(
+    detect: Detect, folder: Path, scene: Any, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    from moveit6d.cli import detect_images
+
+    pose = scene.pose(0)
+    np.savetxt(folder / "p.csv", [[10 * k, 9, k, k * k, 0] for k in range(5)], delimiter=",")
+    clicked = Answer(((pose, 0.0, 0),), 0.0, 1.0, {POINTS_ERROR: 0.1})
+    right = Answer(((pose, 0.9, 3),), 0.9, 1.0, {})
+    answers = iter([[right], [clicked], [clicked]])
+    monkeypatch.setattr(detect_images, "_answered", lambda *_: next(answers))
+    points, out = ["--points", str(folder / "p.csv")], folder / "out"
+    assert detect(["b.png", "none.png"], *points) == 0
+    said = capsys.readouterr()
+    assert "--points are pixels of one image and are taken for all 2" in said.err
+    assert said.out == (
+        "found in 1 of 2 images; the pose clicked in 1 more is not confirmed: "
+        f"{out / 'poses.csv'}\n"
+    )
+    assert detect(["none.png"], *points) == 3
+    said = capsys.readouterr()
+    assert not said.out and f"the pose as clicked is not confirmed: {out}/pose.json" in said.err
+    assert near(Pose.load(out / "pose.json"), pose)
 
 
 def test_an_edited_camera_is_another_one(
@@ -86,7 +195,7 @@ def test_an_edited_camera_is_another_one(
     def answer(*asked: Any) -> Any:
         if asked[1].index:
             raise KeyboardInterrupt
-        return detect_images._Answer((), facts={})
+        return [Answer((), facts={})]
 
     monkeypatch.setattr(detect_images, "_answered", answer)
     assert detect(["b.png", "none.png"]) == 130
@@ -115,6 +224,7 @@ def test_not_found_is_exit_code_3_and_a_sentence(detect: Detect, folder: Path, c
     assert detect(["none.png"], "--distance", "0.4", "0.6") == 3
     message = capsys.readouterr().err.strip().splitlines()[-1]
     assert "none.png: the object was not found" in message
+    assert "; check --distance" in message and "--box" in message
     assert not (folder / "out" / "pose.json").exists()
     assert (folder / "out" / "poses.csv").exists()
 
@@ -159,8 +269,10 @@ def test_points_are_a_start_where_the_mesh_has_no_colours(
     words = ["detect", "--mesh", str(folder / "plain.obj"), "--mesh_unit", "m", "--camera",
              str(folder / "camera.json"), "--points", str(folder / "points.csv"), "--image",
              str(folder / "none.png"), "--output", str(folder / "out")]  # fmt: skip
-    assert main(words) == 0, "nothing in the picture speaks for the pose"
-    assert "does not confirm the pose of --points" in capsys.readouterr().err
+    assert main(words) == 3, "nothing in the picture speaks for the pose"
+    said = capsys.readouterr()
+    assert "does not confirm the pose of --points" in said.err and not said.out
+    assert "plain has no colours, which is a likely reason" in said.err.splitlines()[-1]
     assert near(Pose.load(folder / "out" / "pose.json"), true)
     (row,) = read_poses(folder / "out" / "poses.csv")
     assert row.state == "uncertain" and near(row.pose, true)
@@ -218,7 +330,7 @@ def test_the_first_answer_takes_the_place_of_an_earlier_run(
     (folder / "out" / "detection.json").write_text(json.dumps(own))
 
     def answer(*_: Any) -> Any:
-        return detect_images._Answer((), facts={})
+        return [Answer((), facts={})]
 
     monkeypatch.setattr(detect_images, "_answered", answer)
     assert detect(["b.png", "none.png"]) == 3
@@ -313,3 +425,6 @@ def test_missing_options_are_named(tmp_path: Path, capsys: Any) -> None:
     assert "--mesh, --mesh_unit, --image, --camera missing" in capsys.readouterr().err
     assert main(["detect", "--dataset", str(tmp_path), "--output", str(tmp_path / "o.csv")]) == 2
     assert "--split missing" in capsys.readouterr().err
+    units = ["--mesh_unit", "m", "--mesh_unit", "mm", "--output", str(tmp_path / "o.csv")]
+    assert main(["detect", "--dataset", str(tmp_path), "--split", "test", *units]) == 2
+    assert "--dataset takes one --mesh_unit" in capsys.readouterr().err

@@ -91,7 +91,8 @@ def test_results_are_known_by_what_vouches_for_them(
 
 def test_of_a_detection_the_files_go_that_it_names(tmp_path: Path) -> None:
     (tmp_path / "overlay").mkdir()
-    gone = ["poses.csv", "detection.json", "pose.json", "pose_2.json", "overlay/a.png.png"]
+    gone = ["poses.csv", "detection.json", "pose.json", "pose_2.json", "pose_cup.json"]
+    gone.append("overlay/a.png.png")
     for name in (*gone, "pose_3.json", "overlay/b.png", "camera.json"):
         (tmp_path / name).write_text("earlier")
     facts = {"files": [*gone, "camera.json", "../overlay.png", "pose_4.json", 3]}

@@ -19,6 +19,7 @@ from moveit6d.evaluation.ycbv.keyframes import Keyframes, write_keyframe_poses
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
+from tests.support.clip import write_other
 
 
 def cells(text: str) -> list[list[str]]:
@@ -122,8 +123,9 @@ def test_a_track_of_two_objects_is_scored(
     write_poses(folder / "poses.csv", both, ("frame", "image", "object", *POSE_COLUMNS))
     use_oracle(scene.mesh, pose, targets=2)
     command = ["track", "--video", str(folder / "frames"), "--camera", str(folder / "camera.json")]
+    write_other(folder).rename(folder / "plate.ply")
+    (folder / "mesh.ply").rename(folder / "cup.ply")
     for name in ("cup", "plate"):
-        (folder / f"{name}.ply").write_bytes((folder / "mesh.ply").read_bytes())
         command += ["--mesh", str(folder / f"{name}.ply"), "--start", str(folder / "start.json")]
     output = tmp_path / "out"
     assert main([*command, "--mesh_unit", "m", "--output", str(output)]) == 0

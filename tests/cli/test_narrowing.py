@@ -14,7 +14,7 @@ from PIL import Image
 
 from moveit6d import InputError
 from moveit6d.cli.main import main
-from moveit6d.cli.narrowing import check_first, is_narrowed, read_mask
+from moveit6d.cli.narrowing import advice, check_first, is_narrowed, known_of, read_mask
 from moveit6d.datasets.pose_files import read_poses
 from moveit6d.geometry.pose import Pose
 
@@ -86,11 +86,43 @@ def test_what_does_not_go_together_is_refused(made: Any, capsys: Any) -> None:
     check_first(Namespace(**NOTHING, mesh=["a", "b"]))
     with pytest.raises(InputError, match="are for one object"):
         check_first(Namespace(**{**NOTHING, "box": [1, 2, 3, 4]}, mesh=["a", "b"]))
+    check_first(Namespace(**{**NOTHING, "distance": [0.1, 2]}, mesh=["a", "b"]))
     points, start = str(made.folder / "points.csv"), str(made.folder / "start.json")
     assert track(made, "--points", points, "--start", start) == 2
     assert "--start says the pose" in capsys.readouterr().err
     assert track(made, "--points", points, "--exact_start") == 2
     assert "--exact_start needs the pose" in capsys.readouterr().err
+
+
+def test_a_box_and_a_mask_of_two_places_are_refused(made: Any, capsys: Any) -> None:
+    mask = np.zeros((120, 160), np.uint8)
+    mask[40:70, 50:90] = 255
+    Image.fromarray(mask).save(made.folder / "mask.png")
+    both = ["--mask", str(made.folder / "mask.png"), "--box"]
+    assert track(made, *both, "100", "80", "40", "30") == 2
+    said = capsys.readouterr().err
+    assert "--box and --mask contradict each other: 0 % of the mask is inside of the box" in said
+    assert "the mask reaches from 50 40 to 89 69. Leave one of them out." in said
+    args = Namespace(**{**NOTHING, "mask": made.folder / "mask.png", "box": [30, 30, 40, 40]})
+    assert known_of(args, "m")["mask"].any(), "drawn roughly"
+
+
+@pytest.mark.parametrize(
+    ("meshes", "given", "expected"),
+    [
+        (1, [], "; narrow the search by --box or --mask or --points or --distance or --start"),
+        (1, ["distance"], "; check --distance, or narrow the search by --box or --mask or --points "
+         "or --start"),
+        (2, [], "; narrow the search by --distance or --start"),
+        (2, ["distance"], "; check --distance, or narrow the search by --start"),
+        (2, ["distance", "start"], "; check --distance and --start"),
+    ],
+)  # fmt: skip
+def test_what_is_advised_where_nothing_was_found(
+    meshes: int, given: list[str], expected: str
+) -> None:
+    known = {**NOTHING, **{name: [0.1, 2] for name in given}}
+    assert advice(Namespace(**known, mesh=["a.ply"] * meshes)) == expected
 
 
 def test_points_in_another_unit_are_refused(made: Any, capsys: Any) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
-import shutil
 from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,10 +15,10 @@ import torch
 
 from moveit6d import InputError, Pose
 from moveit6d.cli.main import main
-from moveit6d.cli.objects import load_meshes, object_names, read_starts, wants_paint
+from moveit6d.cli.objects import load_meshes, note_without_colours, object_names, read_starts
+from tests.support.clip import Clip, write_other
 
 FLAGS = {"allow_untextured": False, "texture_from_start": False}
-UNKNOWN = dict.fromkeys(("box", "mask", "points", "distance"))
 
 
 @pytest.mark.parametrize(
@@ -49,9 +49,14 @@ def test_units_are_one_or_one_each(brick_file: Path) -> None:
         load_meshes(Namespace(mesh=[brick_file] * 3, mesh_unit=["m", "mm"], **FLAGS))
 
 
-def test_starts_are_all_or_none(tmp_path: Path) -> None:
+def test_starts_are_one_each_or_none_at_all(tmp_path: Path) -> None:
     Pose.identity().save(tmp_path / "a.json")
     assert read_starts(Namespace(start=None, exact_start=False), 2) == [None, None]
+    given = [tmp_path / "a.json", Path("none")]
+    known, unknown = read_starts(Namespace(start=given, exact_start=False), 2)
+    assert known is not None and unknown is None
+    with pytest.raises(InputError, match="all poses: give --start for each mesh"):
+        read_starts(Namespace(start=given, exact_start=True), 2)
     with pytest.raises(InputError, match="2 times --mesh but 1 times --start"):
         read_starts(Namespace(start=[tmp_path / "a.json"], exact_start=False), 2)
     with pytest.raises(InputError, match="give --start"):
@@ -65,16 +70,13 @@ def test_a_mesh_without_colours_is_not_passed_over(brick_file: Path, capsys: Any
 
     box = trimesh.creation.box((0.1, 0.1, 0.1))
     plain = Mesh.from_arrays("part", box.vertices, box.faces)
-    given = Namespace(start=["x"], texture_from_start=False)
-    assert not wants_paint(given, [plain])
+    given = Namespace(texture_from_start=False)
+    note_without_colours(given, [plain])
     assert "part has no colours" in capsys.readouterr().err
-    assert not wants_paint(given, [plain], remembered=True)
+    note_without_colours(given, [plain], remembered=True)
+    note_without_colours(given, [Mesh.load(brick_file)])
+    note_without_colours(Namespace(texture_from_start=True), [plain])
     assert capsys.readouterr().err == ""
-    assert not wants_paint(given, [Mesh.load(brick_file)])
-    assert capsys.readouterr().err == ""
-    assert wants_paint(Namespace(start=["x"], texture_from_start=True), [plain])
-    with pytest.raises(InputError, match="give --start"):
-        wants_paint(Namespace(start=None, texture_from_start=True, **UNKNOWN), [plain])
 
 
 def test_two_objects_are_tracked_side_by_side(
@@ -84,8 +86,7 @@ def test_two_objects_are_tracked_side_by_side(
     made = make_sequence("clip", frames=2, still=True)
     use_oracle(scene.mesh, made.poses[0], targets=2)
     mesh, start = str(made.folder / "mesh.ply"), str(made.folder / "start.json")
-    other, out = str(made.folder / "other.ply"), tmp_path / "out"
-    shutil.copy(mesh, other)
+    other, out = str(write_other(made.folder)), tmp_path / "out"
     command = [
         "track", "--mesh", mesh, "--mesh", other, "--mesh_unit", "m", "--video",
         str(made.folder / "frames"), "--camera", str(made.folder / "camera.json"),
@@ -101,8 +102,36 @@ def test_two_objects_are_tracked_side_by_side(
     summary = json.loads((out / "summary.json").read_text())
     assert summary["objects"]["other"]["states"] == {"tracking": 2}
     assert "other: 2 frames, 0 failed" in capsys.readouterr().out
-    assert main([*command, "--report", str(tmp_path / "r.html")]) == 2
-    assert "are for one object" in capsys.readouterr().err
+
+
+def test_a_known_object_beside_one_that_is_looked_for(
+    clip: Clip, scene: Any, use_oracle: Callable[..., None], monkeypatch: pytest.MonkeyPatch,
+    capsys: Any,
+) -> None:  # fmt: skip
+    asked: list[Any] = []
+
+    def detect(detectors: Any, image: Any, counts: Any, regions: Any) -> Any:
+        asked.append((counts, [region.distance for region in regions]))
+        return [SimpleNamespace(instances=[SimpleNamespace(pose=clip.true)])]
+
+    use_oracle(scene.mesh, clip.true, targets=2)
+    monkeypatch.setattr("moveit6d.estimation.detection.detect_objects", detect)
+    searching = SimpleNamespace(camera=scene.camera)
+    monkeypatch.setattr("moveit6d.estimation.PoseDetector", lambda *_, **__: searching)
+    start = str(clip.folder / "start.json")
+    command = [
+        "--mesh", str(write_other(clip.folder)), "--no_overlay", "--distance", "0.3", "0.9",
+        "--start",
+    ]  # fmt: skip
+    assert clip.track(*command, "none") == 0
+    assert asked == [([1], [(0.3, 0.9)])]
+    summary = clip.summary()
+    assert summary["objects"]["other"]["states"] == {"tracking": 5}
+    places = [one["translation"] for one in summary["found_start"]]
+    assert places[0] == Pose.load(Path(start)).translation.tolist()
+    assert places[1] == clip.true.translation.tolist()
+    assert clip.track(*command, start) == 2
+    assert "--start says the pose; leave out" in capsys.readouterr().err
 
 
 def test_a_plain_mesh_is_painted_and_followed(

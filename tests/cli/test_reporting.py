@@ -28,7 +28,7 @@ def test_a_report_is_written_and_after_ctrl_c_too(
     assert clip.track("--no_overlay", "--report", str(page)) == 0
     text = page.read_text()
     assert "5 frames, 1 without a pose" in text and "not a readable image" in text
-    assert text.count("<tr ") == 5 and text.count("data:image/jpeg") == 10
+    assert text.count(' data-rank="') == 5 and text.count("data:image/jpeg") == 10
 
     interrupt_update(4)
     assert clip.track("--no_overlay", "--report", str(page)) == 130

@@ -14,8 +14,9 @@ import torch
 
 from moveit6d.cli.common import given, weights_facts
 from moveit6d.cli.journal import Journal
-from moveit6d.cli.main import make_parser
-from moveit6d.cli.resuming import earlier_rows, tell, track_facts
+from moveit6d.cli.main import main, make_parser
+from moveit6d.cli.resuming import earlier_rows, earlier_tracks, tell, track_facts
+from moveit6d.cli.track_summary import track_records
 from moveit6d.config import TrackerConfig
 from moveit6d.datasets.pose_files import PoseRow, read_poses, write_poses
 from moveit6d.datasets.video import VideoFrame
@@ -24,7 +25,7 @@ from moveit6d.estimation import PoseTracker
 from moveit6d.evaluation.run_tracker import run_tracker
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.io import write_json
+from moveit6d.io import read_json, write_json
 from moveit6d.policies import OraclePolicy
 from moveit6d.rendering.backends import make_renderer
 from tests.support.clip import Clip
@@ -125,7 +126,9 @@ def test_a_tracker_that_is_told_the_rows_knows_what_the_other_knew(
     for step in run_tracker(one, frames):
         tell(other, step.row)
     (before,), (after,) = one.tracks, other.tracks
-    assert one.supervisors[0].machine == other.supervisors[0].machine
+    machines = [vars(each.supervisors[0].machine) for each in (one, other)]
+    known, told = ({**each, "_coloured": None} for each in machines)  # which the next frame tells
+    assert known == told
     for name in ("above_low", "above_high", "slow", "frames_low", "frames_unconfident"):
         assert getattr(before, name) == getattr(after, name), name
     assert (before.velocity is None) == (after.velocity is None)
@@ -247,7 +250,116 @@ def test_a_report_shows_the_whole_track_and_a_log_stays(
     for _ in ("the rest", "nothing is left to do"):
         assert clip.track("--no_overlay", "--report", str(page), "--resume") == 0
         assert "5 frames, 0 without a pose" in page.read_text()
-        assert page.read_text().count("<tr ") == 5
+        assert page.read_text().count(' data-rank="') == 5
+
+
+def test_why_earlier_frames_have_no_pose(tmp_path: Path) -> None:
+    begun(tmp_path)
+    rows = [
+        PoseRow(0, milliseconds=9.0, state="lost"),
+        PoseRow(1, state="lost"),
+        PoseRow(2, milliseconds=9.0, state="uncertain"),
+        PoseRow(3, state="lost"),
+        PoseRow(4, milliseconds=9.0, state="lost"),
+    ]
+    write_poses(tmp_path / "poses.csv", rows)
+    args = arguments(tmp_path)
+    facts = track_facts(args, TrackerConfig())
+
+    def told() -> list[object]:
+        (earlier,) = earlier_tracks(args, facts, [""], [(0.0, 0.0, 0.0)])
+        (record,) = track_records(1, earlier)
+        assert record.failed == record.frames == 5 and list(earlier.failures) == [0, 1, 2, 3, 4]
+        assert [one["frame"] for one in record.failures] == [0, 1, 2, 3, 4]
+        return [one["error"] for one in record.failures]
+
+    lost, unread, absent = "the object is lost.", "the frame cannot be read.", "there is no pose."
+    assert told() == [lost, unread, absent, unread, lost], "as nearly as the rows tell"
+    said = {"failures": [{"frame": 3, "error": "3.png is damaged."}]}
+    write_json(tmp_path / "summary.json", {**read_json(tmp_path / "summary.json"), **said})
+    assert told() == [lost, unread, absent, "3.png is damaged.", lost], "as the summary says"
+    with Journal(tmp_path / "poses.csv", facts, resume=False) as journal:
+        journal.add({"failures": [{"frame": 4, "error": "it is behind the camera."}]})
+    assert told()[3:] == ["3.png is damaged.", "it is behind the camera."], "and the journal"
+    write_json(tmp_path / "summary.json", {"failures": [4]})
+    with pytest.raises(InputError, match="cannot be read"):
+        told()
+
+
+@pytest.fixture
+def killed_track(clip: Clip, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Does what a command would do until it is killed: there is a journal and no summary."""
+
+    def until(run: Callable[[], int]) -> None:
+        with monkeypatch.context() as patch:
+            patch.setattr("moveit6d.cli.journal.Journal.finish", lambda self: None)
+            assert run() == 130
+        (clip.output / "summary.json").unlink()
+
+    return until
+
+
+@pytest.mark.parametrize("how", ["interrupted", "killed"])
+def test_a_report_says_what_failed_before(
+    clip: Clip, interrupt_update: Callable[[int], None], monkeypatch: pytest.MonkeyPatch,
+    killed_track: Callable[..., None], how: str,
+) -> None:  # fmt: skip
+    damage(clip, 1)
+    page = clip.folder / "report.html"
+    with monkeypatch.context():
+        interrupt_update(4)
+        if how == "killed":
+            killed_track(lambda: clip.track("--no_overlay"))
+        else:
+            assert clip.track("--no_overlay") == 130
+    monkeypatch.undo()
+    for _ in ("the rest", "nothing is left to do"):
+        assert clip.track("--no_overlay", "--report", str(page), "--resume") == 0
+        assert "5 frames, 1 without a pose" in page.read_text()
+        assert "000001.png is not a readable image" in page.read_text()
+
+
+@pytest.mark.parametrize("how", ["interrupted", "killed"])
+@pytest.mark.parametrize("there", [True, False])
+def test_the_first_frame_is_searched_once(
+    clip: Clip, interrupt_update: Callable[[int], None], monkeypatch: pytest.MonkeyPatch,
+    killed_track: Callable[..., None], how: str, there: bool,
+) -> None:  # fmt: skip
+    searched: list[int] = []
+    starts: list[Any] = []
+
+    def found(*_: Any) -> Pose | None:
+        searched.append(1)
+        return clip.true if there else None
+
+    init = PoseTracker.__init__
+
+    def recorded(self: Any, meshes: Any, camera: Any, start: Any, **more: Any) -> None:
+        starts.append(start)
+        init(self, meshes, camera, [clip.true], **more)
+
+    folder = str(clip.folder)
+    command = [
+        "track", "--mesh", f"{folder}/mesh.ply", "--mesh_unit", "m", "--video", f"{folder}/frames",
+        "--camera", f"{folder}/camera.json", "--output", str(clip.output), "--no_overlay",
+        "--distance", "0.1", "2",
+    ]  # fmt: skip
+    monkeypatch.setattr("moveit6d.estimation.PoseDetector", lambda *_, **__: None)
+    monkeypatch.setattr("moveit6d.cli.starting.first_pose", found)
+    monkeypatch.setattr(PoseTracker, "__init__", recorded)
+    update = PoseTracker.update
+    interrupt_update(3)
+    if how == "killed":
+        killed_track(lambda: main(command))
+    else:
+        assert main(command) == 130
+    monkeypatch.setattr(PoseTracker, "update", update)
+    for _ in ("the rest", "nothing is left to do"):
+        assert main([*command, "--resume"]) == 0
+    assert len(searched) == 1 and len(starts) == 3
+    for (start,) in starts:
+        assert (start is not None) == there
+        assert start is None or torch.equal(start.matrix, clip.true.matrix)
 
 
 @pytest.mark.filterwarnings("ignore")

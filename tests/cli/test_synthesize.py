@@ -134,3 +134,11 @@ def test_options_of_other_formats_are_refused(
 def test_a_missing_mesh_is_said(tmp_path: Path, capsys: Any) -> None:
     assert main(["synthesize", "--output", str(tmp_path), "--mesh", "no.obj"]) == 2
     assert "no.obj" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["synthesize --output x", "benchmark motion",
+                                     "benchmark iteration"])  # fmt: skip
+@pytest.mark.parametrize("option", ["--mesh_unit mm", "--allow_untextured"])
+def test_options_about_a_mesh_need_one(command: str, option: str, capsys: Any) -> None:
+    assert main([*command.split(), *option.split()]) == 2
+    assert f"{option.split()[0]} needs --mesh, the file that it is" in capsys.readouterr().err

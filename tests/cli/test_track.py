@@ -34,6 +34,7 @@ def test_a_track_is_written_whole(clip: Clip, scene: Any, capsys: Any) -> None:
     assert sorted(p.name for p in clip.output.iterdir()) == [
         "overlay.mp4",
         "poses.csv",
+        "start.png",
         "summary.json",
     ]
     text = (clip.output / "poses.csv").read_text().splitlines()
@@ -69,7 +70,7 @@ def test_a_bad_frame_keeps_its_row_and_the_track_goes_on(clip: Clip, capsys: Any
     assert [row.pose is None for row in rows] == [False, True, False, True, False]
     assert [row.frame for row in rows] == [0, 1, 2, 3, 4]
     line = (clip.output / "poses.csv").read_text().splitlines()[2]
-    assert line == "1,000001.png,,,,,,,,,,,,,,failed,,,uncertain"
+    assert line == "1,000001.png,,,,,,,,,,,,,,failed,,,,uncertain"
     summary = clip.summary()
     assert summary["failed"] == 2
     assert "not a readable image" in summary["failures"][0]["error"]
@@ -127,7 +128,7 @@ def test_ctrl_c_keeps_what_was_done(clip: Clip, interrupt_update: Callable[[int]
     assert len(read_poses(clip.output / "poses.csv")) == 2
     assert frames_in(clip.output / "overlay.mp4") == 2
     assert clip.summary()["interrupted"] is True and clip.summary()["frames"] == 2
-    assert len(list(clip.output.iterdir())) == 3, "no temporary file is left"
+    assert len(list(clip.output.iterdir())) == 4, "no temporary file is left"
 
 
 def test_a_camera_index_is_a_video(clip: Clip, capsys: Any) -> None:

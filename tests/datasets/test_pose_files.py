@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ import torch
 from moveit6d.datasets.pose_files import (
     POSE_COLUMNS,
     RESULT_COLUMNS,
+    TRACK_COLUMNS,
     PoseRow,
     PoseWriter,
     by_frame,
@@ -126,9 +128,9 @@ def test_poses_come_back_and_holes_stay_holes(tmp_path: Path) -> None:
     lines = path.read_text().splitlines()
     assert lines[0] == (
         "frame,image,r11,r12,r13,r21,r22,r23,r31,r32,r33,tx,ty,tz,"
-        "steps,stopped_by,confidence,milliseconds,state"
+        "steps,stopped_by,confidence,probability,milliseconds,state"
     )
-    assert lines[2] == "1,b.png,,,,,,,,,,,,,,failed,,,"
+    assert lines[2] == "1,b.png,,,,,,,,,,,,,,failed,,,,"
     back = read_poses(path)
     assert [row.image for row in back] == [row.image for row in rows]
     assert back[1].pose is None and back[1].iterations is None and back[1].milliseconds is None
@@ -303,3 +305,24 @@ def test_a_pose_that_is_not_finite_is_no_pose(tmp_path: Path) -> None:
 def test_a_frame_twice_is_refused() -> None:
     with pytest.raises(InputError, match=r"poses\.csv: frame 3 occurs twice"):
         by_frame([PoseRow(3), PoseRow(3)], "poses.csv")
+
+
+def test_an_older_table_is_gone_on_with_in_its_own_columns(tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    older = tuple(column for column in TRACK_COLUMNS if column != "probability")
+    row = PoseRow(0, "a.png", some_pose(), 3, "stop_action", 0.9, 5.0, state="tracking")
+    write_poses(path, [row], older)
+    with PoseWriter(path, resume=True) as table:
+        table.write(replace(row, frame=1, probability=0.75))
+    lines = path.read_text().splitlines()
+    assert [line.count(",") for line in lines] == [len(older) - 1] * 3
+    assert [(row.state, row.probability) for row in read_poses(path)] == [("tracking", None)] * 2
+
+
+def test_the_probability_comes_back_and_the_state_is_the_last_column(tmp_path: Path) -> None:
+    row = PoseRow(0, "a.png", some_pose(), confidence=0.9, state="uncertain", probability=0.625)
+    write_poses(tmp_path / "poses.csv", [row, PoseRow(1, state="lost")])
+    header = (tmp_path / "poses.csv").read_text().splitlines()[0]
+    assert header.endswith(",confidence,probability,milliseconds,state")
+    found, lost = read_poses(tmp_path / "poses.csv")
+    assert (found.confidence, found.probability, lost.probability) == (0.9, 0.625, None)

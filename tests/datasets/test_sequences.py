@@ -32,6 +32,14 @@ def test_a_sequence_is_read_whole(make_sequence: Make) -> None:
     assert open_frames(found.frames).length == 4
 
 
+def test_a_sequence_knows_the_files_that_it_is_read_from(make_sequence: Make) -> None:
+    folder = make_sequence("clip", frames=2).folder
+    (found,) = read_sequence(folder)
+    assert {path for path in found.files if path.is_file()} == {
+        *filter(Path.is_file, folder.rglob("*"))
+    }
+
+
 def test_the_start_file_wins_over_the_truth(make_sequence: Make) -> None:
     made = make_sequence()
     other = Pose(made.poses[0].rotation, made.poses[0].translation + 0.01)

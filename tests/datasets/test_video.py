@@ -8,11 +8,13 @@ import threading
 import weakref
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image as Pillow
 
+from moveit6d.datasets import video
 from moveit6d.datasets.video import (
     ImageFolder,
     ImageList,
@@ -20,6 +22,7 @@ from moveit6d.datasets.video import (
     Prefetched,
     VideoFrame,
     open_frames,
+    read_image,
 )
 from moveit6d.errors import InputError
 
@@ -203,3 +206,24 @@ def test_listed_images_come_in_their_own_order(tmp_path: Path) -> None:
     assert [frame.name for frame in frames] == ["b.png", "a.png", "missing.png"]
     np.testing.assert_array_equal(frames[1].image, picture(1))
     assert frames[2].image is None and "does not exist" in (frames[2].error or "")
+
+
+def test_a_frame_asked_for_twice_in_a_row_is_decoded_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    paths = [tmp_path / name for name in ("a.png", "b.png")]
+    for number, path in enumerate(paths):
+        Pillow.fromarray(picture(number)).save(path)
+    read: list[str] = []
+
+    def recorded(path: Path, depth: Any) -> Any:
+        read.append(path.name)
+        return read_image(path, depth)
+
+    monkeypatch.setattr(video, "read_image", recorded)
+    images = ImageList(paths)
+    first = images.frame(0)
+    assert [frame.name for frame in images] == ["a.png", "b.png"] and next(
+        iter(images)
+    ) is not first
+    assert read == ["a.png", "b.png", "a.png"]

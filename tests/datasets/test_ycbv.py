@@ -176,6 +176,21 @@ def test_a_published_mesh_is_not_put_aside(root: Path, scene: Any, brick: Mesh) 
     assert not (folder / "textured_simple.obj").exists()
 
 
+@pytest.mark.parametrize("number", [1, 3, 5])
+def test_a_missing_image_is_a_frame_with_an_error(root: Path, scene: Any, number: int) -> None:
+    image = root / "data" / "0048" / f"{number:06d}-color.png"
+    image.unlink()
+    bowl, _ = read_ycbv(root)
+    frames = list(bowl.open())
+    assert [frame.index for frame in frames if frame.image is None] == [number - 1]
+    assert frames[number - 1].error == f"{image} does not exist."
+    assert list(bowl.truth) == [1, 2, 3, 4] and bowl.keyframes == {2, 4}
+    for frame, pose in bowl.truth.items():
+        assert (pose.matrix - scene.pose(frame + 9).matrix).abs().max() < 1e-12
+    image.with_name(f"{number:06d}-meta.mat").unlink()  # a part of the data set: no such frame
+    assert len(list(read_ycbv(root)[0].open())) == 4
+
+
 def test_a_damaged_first_image_is_a_frame_with_an_error(root: Path) -> None:
     (root / "data" / "0048" / "000001-color.png").write_bytes(b"nothing")
     frames = list(read_ycbv(root)[1].open())

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from moveit6d import InputError, OraclePolicy, Pose, PoseTracker, load_policy
+from moveit6d import InputError, Mesh, OraclePolicy, Pose, PoseTracker, load_policy
 from moveit6d.config import (
     DetectorConfig,
     MultiStartConfig,
@@ -22,10 +22,13 @@ from moveit6d.estimation import StopReason, TrackingResult
 from moveit6d.estimation.detection import Detection, Evidence, FoundPose
 from moveit6d.estimation.detection.steps import Steps
 from moveit6d.estimation.recovery import Supervisor
-from moveit6d.estimation.states import TrackingState
+from moveit6d.estimation.results import Refined, Start
+from moveit6d.estimation.states import TrackingState, probability_of
 from moveit6d.frame import Frame
 from tests.support.configs import LOOP_ONLY
 
+CORNERS = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
+MESH = Mesh.from_arrays("corner", CORNERS, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 FRAME = Frame(torch.zeros(3, 4, 4, dtype=torch.uint8), None)  # type: ignore[arg-type]
 POSE = Pose(torch.eye(3, dtype=torch.float64), torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64))
 
@@ -38,7 +41,9 @@ def found_at(pose: Pose) -> Detection:
 class Finder:
     """A detector that takes `length` steps and finds the object in its n-th search."""
 
-    config = DetectorConfig()
+    mesh: Any = MESH
+    config, settings = DetectorConfig(), TrackerConfig()
+    policy = renderer = None
 
     def __init__(self, length: int, finds: int) -> None:
         self.length, self.finds, self.searches = length, finds, 0
@@ -56,6 +61,17 @@ class Finder:
         for _ in range(self.length):
             yield
         return Detection(()) if self.searches < self.finds else found_at(POSE)
+
+
+@pytest.fixture
+def stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever is followed through later frames stays where it is."""
+    from moveit6d.estimation import catch_up
+
+    def refined(starts: Sequence[Start], **_: Any) -> list[Refined]:
+        return [Refined(starts[0].centred, 1, StopReason.MAX_ITERATIONS, 0.9, 1.0)]
+
+    monkeypatch.setattr(catch_up, "refine_starts", refined)
 
 
 def supervisor(finder: Finder, **options: Any) -> Supervisor:
@@ -85,12 +101,18 @@ def test_an_interval_of_one_is_a_search_in_every_frame_also_after_the_object_was
         assert finder.searches == frames
 
 
-def test_a_search_may_take_several_frames() -> None:
+@pytest.mark.usefixtures("stays")
+@pytest.mark.parametrize(("stride", "frames"), [(1, None), (2, 9), (5, 6), (99, 6)])
+def test_a_search_may_take_several_frames_and_more_to_come_to_the_present_one(
+    stride: int, frames: int | None
+) -> None:
     finder = Finder(length=5, finds=1)
-    one = supervisor(finder, max_milliseconds=0.0)
+    one = supervisor(finder, max_milliseconds=0.0, stride=stride)
     one.assessed(failed(), 0.0)
-    found = [one.search(FRAME, POSE) is not None for _ in range(6)]
-    assert finder.searches == 1 and found == [False] * 5 + [True]
+    found = [one.search(FRAME, POSE) is not None for _ in range(frames or 12)]
+    assert finder.searches == 1
+    # Of one frame at a time, each of which takes longer than the next needs to come, it never does.
+    assert found.index(True) + 1 == frames if frames else not any(found)
 
 
 def test_a_lost_object_has_no_pose_but_a_reason() -> None:
@@ -192,18 +214,17 @@ def test_only_with_a_time_limit_a_search_keeps_a_copy_of_the_image() -> None:
 class Elsewhere(Finder):
     """Finds the object where others are, unless it is told so when it begins."""
 
-    mesh = type("Centred", (), {"inner": staticmethod(lambda pose: pose)})
-
     def is_taken(self, centred: Pose, taken: Sequence[Pose]) -> bool:
-        return any(torch.equal(centred.matrix, other.matrix) for other in taken)
+        return any(torch.allclose(MESH.outer(centred).matrix, other.matrix) for other in taken)
 
 
+@pytest.mark.usefixtures("stays")
 def test_who_was_found_by_another_search_in_the_meantime_is_not_found_again() -> None:
     finder = Elsewhere(length=2, finds=1)
     one = supervisor(finder, max_milliseconds=0.0)
     one.assessed(failed(), 0.0)
-    assert one.search(FRAME, POSE) is None and one.search(FRAME, POSE) is None
-    assert one.search(FRAME, POSE, [POSE]) is None and one.lost
+    assert [one.search(FRAME, POSE) for _ in range(2)] == [None, None] and one.searching
+    assert one.search(FRAME, POSE, [POSE]) is None and one.lost and not one.searching
     # The next search, of the whole image, knows of it from the beginning.
     one.search(FRAME, POSE, [POSE])
     assert finder.near == [True, False] and finder.taken == [(), (POSE,)]
@@ -213,7 +234,8 @@ def test_a_lost_instance_is_not_looked_for_where_another_is_followed(
     scene: Any, policy: Any
 ) -> None:
     away = Pose(scene.pose(0).rotation, torch.tensor([0.09, 0.07, 0.6], dtype=torch.float64))
-    meshes = [scene.mesh, scene.mesh, replace(scene.mesh, name="other")]
+    other = replace(scene.mesh, vertices=scene.mesh.vertices * 1.1)
+    meshes = [scene.mesh, replace(scene.mesh, name="second"), other]
     tracker = PoseTracker(
         meshes, scene.camera, [scene.pose(0), away, away], policy=policy, config=LOOP_ONLY
     )
@@ -228,6 +250,7 @@ def test_a_lost_instance_is_not_looked_for_where_another_is_followed(
     assert none == ()
 
 
+@pytest.mark.usefixtures("stays")
 def test_a_time_limit_leaves_no_frame_without_a_search() -> None:
     finder = Finder(length=2, finds=3)
     one = supervisor(finder, max_milliseconds=0.0, interval=10)
@@ -248,3 +271,16 @@ def test_a_lost_object_costs_few_searches() -> None:
     # Soon at first, then at twice the interval each time, up to the largest.
     assert [k for k, new in enumerate(begun) if new] == [0, 2, 6, 14, 24, 34, 44]
     assert finder.near == [True] + 6 * [False]
+
+
+@pytest.mark.parametrize("coloured", [True, False])
+def test_the_probability_that_the_states_go_by_is_given_out(brick: Any, coloured: bool) -> None:
+    mesh = brick if coloured else Mesh.from_arrays("plain", brick.vertices, brick.faces)
+    assert mesh.has_colours is coloured
+    one = Supervisor(None, RecoveryConfig(), True)
+    result = TrackingResult(POSE, 3, StopReason.STOP_ACTION, 0.72, 5.0)
+    told = one.assessed(result, 0.4, mesh)
+    assert told.confidence == 0.72
+    assert told.probability == probability_of(StateConfig(), 0.72, 0.4, coloured)
+    assert told.state is (TrackingState.TRACKING if coloured else TrackingState.UNCERTAIN)
+    assert one.assessed(failed(), 0.4, mesh).probability is None

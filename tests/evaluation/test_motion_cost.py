@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
+import torch
 
 from moveit6d import load_policy, make_renderer
 from moveit6d.config import CalibrationConfig, TrackerConfig
@@ -25,6 +28,19 @@ def test_only_a_tracker_that_is_to_calibrate_does(monkeypatch: pytest.MonkeyPatc
         config = TrackerConfig(calibration=CalibrationConfig(enabled=enabled))
         list(motion_costs(demo_object(), [0.0], 2, *tools, 0, config))
         assert len(seen) == enabled
+
+
+def test_it_takes_as_many_threads_as_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: set[int] = set()
+    update = PoseTracker._update
+
+    def counting(self: PoseTracker[Any], image: Any) -> Any:
+        seen.add(torch.get_num_threads())
+        return update(self, image)
+
+    monkeypatch.setattr(PoseTracker, "_update", counting)
+    list(motion_costs(demo_object(), [0.0], 2, load_policy(), make_renderer(), 0, threads=2))
+    assert seen == {2}
 
 
 def test_the_table_has_a_line_a_speed() -> None:

@@ -139,6 +139,42 @@ def test_fifteen_frames_of_low_confidence_are_taken_for_lost() -> None:
     assert record_of([0.9] * 3 + [0.2] * 30).lost_from == 3
 
 
+def told(states: list[str], errors: list[str | None]) -> dict[str, Any]:
+    record = TrackSummary()
+    for number, (state, error) in enumerate(zip(states, errors, strict=True)):
+        row = PoseRow(number, pose=None if error else Pose.identity(), state=state)
+        record.add(TrackedFrame(VideoFrame(number, "", None), row, error))
+    return record.facts()
+
+
+def test_the_summary_says_when_the_object_was_lost_as_its_events_do() -> None:
+    states = ["tracking"] * 2 + ["uncertain"] * 20 + ["lost"] * 3 + ["tracking", "lost"]
+    lost = "The object is lost."
+    facts = told(states, [None] * 22 + ["out of sight", lost, lost, None, lost])
+    first = next(event["first"] for event in facts["events"] if event["state"] == "lost")
+    assert facts["lost_from_frame"] == first == 22
+    assert facts["failures"] == [{"frame": 22, "error": "out of sight"}], "the events say the rest"
+    assert facts["failed"] == 4
+    assert told(["uncertain"] * 30, [None] * 30)["lost_from_frame"] is None
+
+
+def test_failures_of_a_lost_object_leave_room_for_others() -> None:
+    lost: list[str | None] = ["The object is lost."] * 150
+    facts = told(["lost"] * 151, [*lost, "7.png is damaged."])
+    assert facts["failures"] == [{"frame": 150, "error": "7.png is damaged."}]
+
+
+def test_the_probability_of_a_result_is_in_its_row() -> None:
+    class Tracks:
+        def update(self, image: Any) -> TrackingResult:
+            reason = StopReason.STOP_ACTION
+            return TrackingResult(Pose.identity(), 3, reason, 0.9, 5.0, state_probability=0.7)
+
+    frame = VideoFrame(0, "a", np.zeros((2, 2, 3), np.uint8))
+    (step,) = run_tracker(Tracks(), [frame])  # type: ignore[arg-type]
+    assert (step.row.confidence, step.row.probability) == (0.9, 0.7)
+
+
 def test_only_so_many_failures_are_described() -> None:
     record = record_of([None] * 150)
     assert record.failed == 150 and len(record.failures) == 100

@@ -24,6 +24,7 @@ from moveit6d.evaluation.runner import (
     Tracked,
     TrackJob,
     TrackStore,
+    Workers,
     gather,
     run_all,
     track,
@@ -31,6 +32,7 @@ from moveit6d.evaluation.runner import (
 )
 from moveit6d.evaluation.sequence_scores import score_track
 from moveit6d.geometry.pose import Pose
+from moveit6d.io import write_json
 from moveit6d.policies import OraclePolicy
 from moveit6d.rendering.backends import make_renderer
 from tests.support.configs import NO_CONTOUR
@@ -185,7 +187,7 @@ def test_the_track_of_a_mesh_far_from_its_origin_is_used_again(
     write_poses(store.file(job), rows.values())
     store.finish(job, Tracked(rows), {})
     kept = store.read(job)
-    assert kept is not None and list(kept) == list(rows)
+    assert kept is not None and list(kept.rows) == list(rows)
 
 
 def test_other_settings_and_half_a_track_are_done_again(
@@ -208,6 +210,17 @@ def test_one_bad_sequence_does_not_stop_the_others(jobs: list[TrackJob], tmp_pat
     assert not store.file(bad[1], ".json").exists()
 
 
+@pytest.mark.parametrize("workers", [Workers(), Workers(jobs=2)], ids=["here", "elsewhere"])
+def test_a_sequence_that_fails_leaves_no_older_track(
+    jobs: list[TrackJob], tmp_path: Path, workers: Workers
+) -> None:
+    store, bad = TrackStore(tmp_path / "tracks"), replace(jobs[1], settings={"bad": True})
+    run([jobs[1]], Counting(), store)
+    assert store.file(bad).exists()
+    (done,) = run_all([bad], Counting(), Counting(), store=store, workers=workers)
+    assert done.error and not store.file(bad).exists()
+
+
 def test_starting_again_keeps_whole_tracks_until_their_turn(
     jobs: list[TrackJob], tmp_path: Path
 ) -> None:
@@ -222,14 +235,22 @@ def test_starting_again_keeps_whole_tracks_until_their_turn(
     assert [store.file(job, ".json").exists() for job in jobs] == [False, True]
 
 
-def test_a_track_that_is_read_back_has_its_states(jobs: list[TrackJob], tmp_path: Path) -> None:
+def test_a_track_that_is_read_back_has_its_states_and_failures(
+    jobs: list[TrackJob], tmp_path: Path
+) -> None:
     store, state = TrackStore(tmp_path / "tracks"), str(TrackingState.UNCERTAIN)
 
     def uncertain(job: TrackJob, path: Path | None = None) -> Tracked:
         frame = next(iter(job.sequence.open()))
         row = PoseRow(1, pose=job.sequence.start, confidence=0.9, state=state)
-        return Tracked(gather(job.sequence, [TrackedFrame(frame, row)], path))
+        rows = gather(job.sequence, [TrackedFrame(frame, row)], path)
+        return Tracked(rows, failures={2: "2.png is damaged."})
 
     list(run_all(jobs, uncertain, uncertain, store=store))
     kept = store.read(jobs[0])
-    assert kept is not None and kept[1].state == state
+    assert kept is not None and kept.rows[1].state == state
+    assert kept.failures == {2: "2.png is damaged."}
+    mark = store.file(jobs[0], ".json")
+    write_json(mark, {"settings": dict(jobs[0].settings), "failures": [3]})
+    with pytest.raises(InputError, match="cannot be read"):
+        store.read(jobs[0])

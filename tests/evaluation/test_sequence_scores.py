@@ -14,14 +14,22 @@ import trimesh
 from moveit6d.datasets.pose_files import PoseRow, write_poses
 from moveit6d.datasets.sequences import read_sequence, read_sequences
 from moveit6d.errors import InputError
-from moveit6d.evaluation.sequence_scores import confidences, score_results, score_track
+from moveit6d.evaluation.sequence_scores import (
+    confidences,
+    gaps,
+    score_results,
+    score_track,
+    scored_truth,
+)
 from moveit6d.evaluation.track_files import read_tracks
+from moveit6d.evaluation.track_scores import EvaluationPoints, frame_errors
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.symmetry import Symmetries
 from tests.support.sequence_meshes import AXIS, far_from_origin
 
 Make = Callable[..., Any]
+POINTS = EvaluationPoints(torch.eye(3, dtype=torch.float64), 0.1)
 
 
 def test_results_are_found_in_every_form(make_sequence: Make, tmp_path: Path) -> None:
@@ -51,6 +59,24 @@ def test_a_single_true_pose_is_not_scored(make_sequence: Make) -> None:
     made = make_sequence(frames=1)
     (sequence,) = read_sequence(made.folder)
     assert score_track(sequence, {0: PoseRow(0, pose=made.poses[0])}) is None
+
+
+@pytest.mark.parametrize("known", [range(2, 6), range(5, 6)])
+def test_the_first_true_pose_counts_where_the_start_is_earlier(
+    make_sequence: Make, known: range
+) -> None:
+    made = make_sequence(frames=6)
+    poses = made.folder / "poses.csv"
+    head, *lines = poses.read_text().splitlines()
+    poses.write_text("\n".join([head, *(lines[k] for k in known)]))
+    (sequence,) = read_sequence(made.folder)
+    rows = {k: PoseRow(k, pose=pose) for k, pose in enumerate(made.poses)}
+    found = score_track(sequence, rows)
+    assert found is not None and found.frames == len(known) and found.below_5 == 1.0
+    scored = [error.frame for error in frame_errors(rows, scored_truth(sequence, rows), POINTS)]
+    assert scored == [*known] and gaps(sequence, rows) == []
+    later = {k: PoseRow(k, f"{k:06d}.png", pose) for k, pose in enumerate(made.poses) if k > 0}
+    assert score_track(sequence, later) == found, "and where a track begins before it"
 
 
 def test_a_track_that_spins_about_a_declared_axis_is_right(

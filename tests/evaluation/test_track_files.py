@@ -75,7 +75,7 @@ def test_rows_without_images_go_by_their_numbers(make_sequence: Make, tmp_path: 
         score = score_results([sequence], tmp_path)["easy_00"]
         assert score.frames == 5 and score.missing == 3
         assert gaps(sequence, found) == [
-            "3 of 6 frames have no row in its track and count as wrong"
+            "3 of 5 frames have no row in its track and count as wrong"
         ]
     late = [PoseRow(k, "", sequence.truth[k]) for k in (2, 3)]
     write_poses(tmp_path / "poses.csv", late)

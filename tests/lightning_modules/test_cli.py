@@ -161,6 +161,17 @@ def test_what_is_not_there_is_one_sentence(tmp_path: Path, options: list[str], w
 
 
 @pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", ["fit.json", "config.yaml"])
+def test_a_fit_does_not_write_over_its_configuration(tmp_path: Path, name: str) -> None:
+    mine = tmp_path / name
+    mine.write_text("threads: 1\n")
+    more = [f"--config={mine}", "--trainer.logger=false"]
+    with pytest.raises(InputError, match=f"^--output: .*{name} would be replaced, which this run"):
+        main([*arguments(tmp_path, 2), *more])
+    assert mine.read_text() == "threads: 1\n"
+
+
+@pytest.mark.filterwarnings("ignore")
 def test_a_full_disk_ends_a_fit_with_a_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

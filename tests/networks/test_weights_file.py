@@ -37,6 +37,19 @@ def test_the_paper_s_network_comes_back_too(tmp_path: Path) -> None:
     assert isinstance(load_network(tmp_path / "b.safetensors").network, ActionNet)
 
 
+def test_the_same_network_is_the_same_file(tmp_path: Path) -> None:
+    network = ActionNet(ActionConfig(channels=(8, 8, 8, 8)))
+    facts = dict.fromkeys("zyxwvutsrq", "Größe")
+    files = {tmp_path / f"{number}.safetensors" for number in range(4)}
+    for file in files:
+        save_network(network, file, facts)
+    assert len({file.read_bytes() for file in files}) == 1
+    loaded = load_network(files.pop())
+    assert loaded.facts == {**facts, "kind": "action"}
+    for name, value in network.state_dict().items():
+        assert torch.equal(loaded.network.state_dict()[name], value)
+
+
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(WeightsError, match=r"no\.safetensors does not exist"):
         load_network(tmp_path / "no.safetensors")

@@ -48,21 +48,26 @@ def test_it_draws_what_rays_see(meshes: list[Mesh]) -> None:
 
 
 def test_slots_can_be_filled_anew(meshes: list[Mesh]) -> None:
-    packed = [pack_mesh(mesh) for mesh in meshes]
-    bank = MeshBank.of(packed[:2], torch.device("cpu"), spare=1)
-    small = min(packed, key=lambda one: len(one.corners) + len(one.texels))
-    bank.put(2, small)
-    place = torch.tensor([[0.0, 0.0, 4 * small.sphere_diameter]], dtype=torch.float64)
-    pose = Pose(torch.eye(3, dtype=torch.float64)[None], place)
-    size = torch.tensor([small.sphere_diameter], dtype=torch.float64)
-    seen = BankRenderer(bank, compiled()).render(
-        torch.tensor([2]), pose, look_at(pose, size).intrinsics
+    packed = sorted(map(pack_mesh, meshes), key=lambda one: len(one.corners) + len(one.texels))
+    bank = MeshBank.of(packed[:3], torch.device("cpu"))
+    bank.put(1, packed[4])  # larger than what was there
+    bank.put(0, packed[3])
+    bank.put(1, packed[1])
+    wanted = MeshBank.of([packed[3], packed[1], packed[2]], torch.device("cpu"))
+    ahead = torch.nn.functional.pad(4 * wanted.diameter[:, None], (2, 0))
+    pose = Pose(torch.eye(3, dtype=torch.float64).expand(3, 3, 3), ahead)
+    intrinsics = look_at(pose, wanted.diameter).intrinsics
+    one, other = (
+        BankRenderer(some, compiled()).render(torch.arange(3), pose, intrinsics)
+        for some in (bank, wanted)
     )
-    assert seen.mask.sum() > 100
+    assert (one.mask.sum((1, 2, 3)) > 100).all()
+    for name in ("mask", "depth", "albedo", "normal"):
+        assert torch.equal(getattr(one, name), getattr(other, name)), name
 
 
 def test_without_cupy_a_sentence_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "cupy", None)
-    bank = MeshBank(1, 1, 1, torch.device("cpu"))
+    bank = MeshBank(1, torch.device("cpu"))
     with pytest.raises(RenderingUnavailable, match="CuPy"):
         cuda_renderer.BankRenderer(bank)

@@ -3,6 +3,7 @@
 import ctypes.util
 import gc
 import os
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -72,6 +73,17 @@ def test_batches_sizes_and_meshes_that_come_and_go(renderer):
         del parts, views
         gc.collect()
     assert len(renderer._nodes) == 0
+
+
+def test_threads_may_take_turns(renderer):
+    mesh = meshes.colored_box()
+    pose, intrinsics = meshes.view(mesh)
+    here = renderer.render([mesh], pose, intrinsics)
+    with ThreadPoolExecutor(2) as pool:
+        tasks = [pool.submit(renderer.render, [mesh], pose, intrinsics) for _ in range(4)]
+        there = [task.result() for task in tasks]
+    there.append(renderer.render([mesh], pose, intrinsics))
+    assert all(torch.equal(one.albedo, here.albedo) for one in there)
 
 
 @pytest.mark.parametrize("place", [(0, 0, -0.7), (5.0, 0, 0.7)])

@@ -18,12 +18,15 @@ class Clip:
 
     def track(self, *more: str, **changes: str) -> int:
         """Run the command, with options changed."""
+        return self.search(*more, **{"start": str(self.folder / "start.json"), **changes})
+
+    def search(self, *more: str, **changes: str) -> int:
+        """Run the command without a start, with options changed."""
         options = {
             "mesh": str(self.folder / "mesh.ply"),
             "mesh_unit": "m",
             "video": str(self.folder / "frames"),
             "camera": str(self.folder / "camera.json"),
-            "start": str(self.folder / "start.json"),
             "output": str(self.output),
             **changes,
         }
@@ -34,3 +37,14 @@ class Clip:
         """What summary.json says."""
         found: dict[str, Any] = json.loads((self.output / "summary.json").read_text())
         return found
+
+
+def write_other(folder: Path) -> Path:
+    """A mesh of the same shape as a folder's, in other colours: another object."""
+    import trimesh
+
+    mesh: Any = trimesh.load(folder / "mesh.ply")
+    mesh.visual.vertex_colors = 255 - mesh.visual.vertex_colors[:, :3]
+    path = folder / "other.ply"
+    mesh.export(path)
+    return path

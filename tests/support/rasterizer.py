@@ -39,10 +39,10 @@ def compiled() -> Run:
         size: int,
     ) -> None:
         tensors = (
-            bank.corners, bank.values, bank.meta, bank.measures, bank.levels, bank.texels, slots,
-            pose, lens, nearest, albedo, normal, depth,
+            bank.corners, bank.values, bank.places, bank.meta, bank.measures, bank.levels,
+            bank.texels, slots, pose, lens, nearest, albedo, normal, depth,
         )  # fmt: skip
         pointers = [ctypes.c_void_p(tensor.data_ptr()) for tensor in tensors]
-        kernels.run(*pointers, bank.faces, bank.texel_capacity, size, len(slots))
+        kernels.run(*pointers, size, len(slots))
 
     return run

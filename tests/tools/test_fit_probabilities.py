@@ -55,7 +55,8 @@ def test_borderline_poses_teach_nothing(tool: Any, capsys: Any) -> None:
         for name in "xy"
         for a in np.linspace(0, 1, 40)
     ]
-    tool.report("VerificationConfig", ("confidence", "similarity"), [*examples, found[1]])
+    kept = tool.without_borderline([*examples, found[1]])
+    tool.report("VerificationConfig", ("confidence", "similarity"), kept)
     assert "80 poses, 50% right" in capsys.readouterr().out
 
 
@@ -128,7 +129,7 @@ def test_what_a_search_head_says_is_not_calibrated_with_the_line_of_another(
     random = np.random.default_rng(0)
     kinds = [
         [tool.Example((c, 0.3), 0.05 if random.random() < c * c else 0.3, "x") for c in said]
-        for said in random.random((4, 400))
+        for said in random.random((5, 400))
     ]
     told: dict[str, Any] = {}
     monkeypatch.setattr(
@@ -142,7 +143,8 @@ def test_what_a_search_head_says_is_not_calibrated_with_the_line_of_another(
         "--calibrated", str(tmp_path / "calibrated.safetensors"),
     ])  # fmt: skip
     tool.main()
-    found, followed, _, present = kinds
+    found, followed, _, present, uncoloured = kinds
     assert (told["VerificationConfig"] == tool.in_log_odds(found)) is head
     assert (told["present"] == tool.in_log_odds(present)) is head
     assert told["StateConfig"] != followed, "tracks ask the confidence that is calibrated"
+    assert told["StateConfig, uncoloured"] != tool.in_log_odds(uncoloured), "all of them do"

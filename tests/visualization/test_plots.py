@@ -56,6 +56,17 @@ def test_labels_are_in_the_picture(tmp_path: Path) -> None:
         assert word in text
 
 
+def test_dollars_are_dollars(tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    from matplotlib import rc_context
+
+    chart = replace(LINES, title="a$^$")
+    with rc_context({"svg.fonttype": "none"}):
+        text = draw(chart, tmp_path, "set$1_$2")[1].read_text(encoding="utf-8")
+    assert "a$^$" in text and "ours: set$1_$2" in text
+
+
 def test_a_chart_says_what_its_figures_were_taken_on(tmp_path: Path) -> None:
     drawn = draw(LINES, tmp_path, "surrogate for Laval")[1].read_text(encoding="utf-8")
     assert "<!-- ours: surrogate for Laval -->" in drawn

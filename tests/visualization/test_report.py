@@ -14,7 +14,9 @@ import pytest
 from moveit6d.datasets.pose_files import PoseRow
 from moveit6d.datasets.video import VideoFrame
 from moveit6d.errors import InputError
+from moveit6d.evaluation.run_tracker import TrackSummary
 from moveit6d.rendering.backends import make_renderer
+from moveit6d.visualization.curves import LEFT, RIGHT
 from moveit6d.visualization.report import Run, index_page, report_page, write_report
 from tests.support.browser import open_page
 
@@ -172,3 +174,60 @@ def test_the_index_leads_to_the_pages() -> None:
     table = {"heading": "All", "head": ["sequence", "ADD"], "rows": [[("a b", "a%20b.html"), "5"]]}
     page = index_page("bench", "1 sequence", "| a | b |", table)
     assert '<a href="a%20b.html">a b</a>' in page and "| a | b |" in page
+
+
+@pytest.fixture(scope="module")
+def told(run: Run, scene: Any) -> Run:
+    """Tracked, uncertain, lost without a pose, tracked, and lost again."""
+    states = ["tracking", "tracking", "uncertain", "lost", "lost", "lost", "tracking", "lost"]
+    sure = {"tracking": 0.8, "uncertain": 0.5, "lost": None}
+    poses = [None if state == "lost" else scene.pose(k) for k, state in enumerate(states)]
+    rows = {
+        k: PoseRow(
+            k, "", poses[k], 3, "stop_action", 0.9, 5.0, state=state, probability=sure[state]
+        )
+        for k, state in enumerate(states)
+    }
+    return replace(run, rows=rows, failures={})
+
+
+def test_the_states_are_in_the_table_and_listed(told: Run) -> None:
+    page = report_page(told, make_renderer())
+    events = page[page.index("<h2>States") : page.index("<h2>Every frame")]
+    cells = re.findall(r"<td[^>]*>(?:<a[^>]*>)?(.*?)(?:</a>)?</td>", events)
+    assert cells == [
+        "tracking", "0", "1", "2", "uncertain", "2", "2", "1", "lost", "3", "5", "3",
+        "tracking", "6", "6", "1", "lost", "7", "7", "1",
+    ]  # fmt: skip
+    record = TrackSummary()
+    for row in told.rows.values():
+        record.add_row(row)
+    assert cells[::4] == [event["state"] for event in record.events]
+    row = page[page.index('id="f2"') :].split("</tr>")[0]
+    assert re.findall(r"<td[^>]*>(.*?)</td>", row)[1:4] == ["0.90", "0.50", "uncertain"]
+    assert "uncertain, confidence 0.90" in page
+
+
+def test_bands_show_where_the_object_is_not_tracked(told: Run) -> None:
+    page = report_page(told, make_renderer())
+    found = re.findall(r'class="band (\w+)" style="left:([\d.]+)%;width:([\d.]+)%"', page)
+    assert [state for state, *_ in found] == ["uncertain", "lost", "lost"] * 2, "and in a strip"
+    left, width = float(found[1][1]), float(found[1][2])
+    frame = 100 * (RIGHT - LEFT) / 8
+    assert left == pytest.approx(100 * LEFT + 3 * frame, abs=0.01)
+    assert width == pytest.approx(3 * frame, abs=0.01)
+
+
+def test_of_each_loss_one_picture_is_shown(told: Run) -> None:
+    assert worst_pictures(report_page(told, make_renderer())) == [3, 7, 2, 0, 1, 6]
+    kept = replace(
+        told, rows={k: replace(row, pose=told.rows[0].pose) for k, row in told.rows.items()}
+    )
+    # A lost object that has poses is no better than one without.
+    assert {3, 4, 5}.intersection(worst_pictures(report_page(kept, make_renderer()))) == {3}
+    often = {
+        k: replace(told.rows[0 if k % 4 else 3], frame=k, probability=0.5 if k % 4 else None)
+        for k in range(40)
+    }
+    shown = worst_pictures(report_page(replace(told, rows=often), make_renderer()))
+    assert len(shown) == 12 and sum(k % 4 == 0 for k in shown) == 4

@@ -76,6 +76,31 @@ def test_everything_of_a_run_is_in_the_file(scene: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore")
+def test_a_frame_without_a_picture_or_a_true_pose_shows_none(scene: Any, tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    path, truth = tmp_path / "run.rrd", {0: scene.pose(0), 2: scene.pose(2)}
+    with RerunLog(path, scene.mesh, scene.camera, truth) as log:
+        for number in range(3):
+            image = scene.image(number) if number != 1 else None
+            log.write(VideoFrame(number, "", image), PoseRow(number))
+    found = read_back(path)
+    for place in ("/camera/image", "/camera/truth"):
+        assert list(found[place]["Clear:is_recursive"]) == [1], place
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_two_runs_are_two_recordings(scene: Any, tmp_path: Path) -> None:
+    chunks = pytest.importorskip("rerun.chunk")
+    names = set()
+    for folder in ("a", "b"):
+        with RerunLog(tmp_path / folder / "run.rrd", scene.mesh, scene.camera) as log:
+            log.write(VideoFrame(0, "", scene.image(0)), PoseRow(0))
+        reader = chunks.RrdReader(str(tmp_path / folder / "run.rrd"))
+        names |= {one.recording_id for one in reader.recordings()}
+    assert len(names) == 2 and all(name.startswith("run ") for name in names)
+
+
+@pytest.mark.filterwarnings("ignore")
 def test_a_frame_of_another_size_is_not_shown(scene: Any, tmp_path: Path) -> None:
     pytest.importorskip("rerun")
     path = tmp_path / "run.rrd"

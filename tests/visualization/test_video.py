@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from moveit6d.errors import InputError
+from moveit6d.visualization import video
 from moveit6d.visualization.video import VideoWriter
 
 
@@ -138,3 +139,18 @@ def test_a_frame_too_small_for_video_is_said(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="make no video"), VideoWriter(tmp_path / "a.mp4") as movie:
         movie.write(frame(0, 1, 1))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_other_codec_has_the_quality_that_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    picture = np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8)
+    sizes = []
+    for quality in ("3", "31"):
+        monkeypatch.setattr(video, "CODECS", ("mpeg4",))
+        if quality != "3":
+            monkeypatch.setitem(video.QUALITY, "mpeg4", {"qmin": quality, "qmax": quality})
+        with VideoWriter(tmp_path / f"{quality}.mp4") as writer:
+            writer.write(picture)
+        sizes.append((tmp_path / f"{quality}.mp4").stat().st_size)
+    assert sizes[0] > 2 * sizes[1]

@@ -6,14 +6,17 @@ Never writes or removes anything.
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from ..io import check_writable
+from ..io import IS_READ, check_places, check_writable
 from .earlier import holds_results
 from .journal import journal_file
+
+if TYPE_CHECKING:
+    from ..datasets.sequences import Sequence
 
 
 def given_paths(args: argparse.Namespace, *written: str) -> Iterator[Path]:
@@ -25,14 +28,23 @@ def given_paths(args: argparse.Namespace, *written: str) -> Iterator[Path]:
                     yield one
 
 
+def files_of_sequences(sequences: Iterable[Sequence]) -> list[Path]:
+    """The files that sequences are read from, each once."""
+    return list(dict.fromkeys(path for sequence in sequences for path in sequence.files))
+
+
+def folders_of(args: argparse.Namespace) -> list[Path]:
+    """The folders of a BOP data set in which all files are inputs: the split, and the models."""
+    return [args.dataset / args.split, *args.dataset.glob("models*")]
+
+
 def check_result(args: argparse.Namespace, *more: Path) -> None:
     """`InputError` where the result file of a BOP data set cannot be written, or destroys an input.
 
     `more` are inputs beside those that the arguments name as paths.
     """
-    folders = [args.dataset / args.split, *args.dataset.glob("models*")]
     written = {"--output": (args.output, journal_file(args.output))}
-    check_apart(written, [*given_paths(args, "output"), *more], folders)
+    check_apart(written, [*given_paths(args, "output"), *more], folders_of(args))
     check_writable(args.output)
 
 
@@ -49,23 +61,12 @@ def check_apart(
     from ..geometry.mesh_files import SUFFIXES
     from ..geometry.mesh_files.digest import files_of_mesh
 
-    inputs = list(read)
-    taken = {f"{path.resolve()}{os.sep}": "this run reads" for path in inputs}
-    for mesh in inputs:
+    taken = dict.fromkeys(read, IS_READ)
+    for mesh in list(taken):
         if mesh.suffix.lower() in SUFFIXES and mesh.is_file():
-            named = {f"{path.resolve()}{os.sep}": f"{mesh} names" for path in files_of_mesh(mesh)}
-            taken = {**named, **taken}
-    places = [folder.resolve() for folder in folders]
-    for option, paths in written.items():
-        given = [path for path in paths if path is not None]
-        for path in given:
-            place = path.resolve()
-            why = _taken(place, taken, places)
-            if why is not None:
-                raise InputError(
-                    f"{option}: {path} would be replaced, which {why}; give another name."
-                )
-        taken |= {f"{path.resolve()}{os.sep}": f"{option} writes" for path in given}
+            for path in files_of_mesh(mesh):
+                taken.setdefault(path, f"{mesh} names")
+    check_places(written, taken, folders)
 
 
 def check_truth(output: Path, frames: Iterable[Path]) -> None:
@@ -82,13 +83,3 @@ def check_truth(output: Path, frames: Iterable[Path]) -> None:
             f"--output: {table} would be replaced, which lies beside the frames as true poses do "
             "and is of no earlier run; give another folder."
         )
-
-
-def _taken(place: Path, taken: Mapping[str, str], folders: Iterable[Path]) -> str | None:
-    """Why nothing may be written in this place; None if it may."""
-    for other, why in taken.items():
-        if other.startswith(f"{place}{os.sep}"):
-            return why
-    if place.is_file() and any(folder in place.parents for folder in folders):
-        return "this run reads"
-    return None

@@ -23,6 +23,7 @@ from .common import (
     mesh_or_demo,
     positive,
     seed,
+    share,
     use_threads,
 )
 from .messages import progress
@@ -94,7 +95,7 @@ def add_parser(verbs: Any) -> None:
     )
     three.add_argument(
         "--occluded",
-        type=float,
+        type=share,
         default=0.0,
         metavar="SHARE",
         help="share of cases with a third of the object occluded",
@@ -119,7 +120,7 @@ def add_parser(verbs: Any) -> None:
         kinds, "iteration", "time the parts of one iteration", ITERATION, ITERATION_EXAMPLES
     )
     two.add_argument("--mesh", type=Path, metavar="FILE", help="object instead of a procedural one")
-    two.add_argument("--mesh_unit", choices=UNITS, default="m", help="the mesh's unit")
+    two.add_argument("--mesh_unit", choices=UNITS, help="the mesh's unit (default: m)")
     two.add_argument("--repeats", type=positive, default=100, metavar="N", help="iterations")
     two.add_argument("--weights", type=Path, metavar="FILE", help="weights instead of the shipped")
     add_untextured_option(two)
@@ -166,8 +167,7 @@ def refinement(args: argparse.Namespace) -> int:
     paths = mesh_files(args.objects)
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
-    plain_too = args.allow_untextured
-    meshes = [Mesh.load(path, allow_untextured=plain_too, allow_flat=True) for path in paths]
+    meshes = [Mesh.load(path, allow_untextured=args.allow_untextured) for path in paths]
     photos = load_photos(args.photos)
     cases = list(
         make_cases(

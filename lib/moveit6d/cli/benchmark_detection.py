@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from .apart import check_apart, files_of_sequences, given_paths
 from .common import (
     UNITS,
     Setting,
@@ -25,6 +26,7 @@ from .common import (
 )
 from .messages import note, progress
 
+FASTEST = 1000  # pixels a frame: beyond any picture
 DETECTION = """\
 Looks for the object of every sequence in single frames, from nothing, and prints how often ADD(-S)
 is below 10 % of the diameter; a frame that cannot be read counts as one without a pose. With
@@ -80,7 +82,7 @@ def add_kinds(kinds: Any) -> None:
     two.set_defaults(run=run_recovery)
     three = add_verb(kinds, "motion", "iterations by speed", MOTION, MOTION_EXAMPLES)
     three.add_argument("--mesh", type=Path, metavar="FILE", help="the object")
-    three.add_argument("--mesh_unit", choices=UNITS, default="m", help="the mesh's unit")
+    three.add_argument("--mesh_unit", choices=UNITS, help="the mesh's unit (default: m)")
     three.add_argument(
         "--speeds", type=float, nargs="+", default=[0.0, 1.0, 2.0, 5.0, 10.0, 20.0], metavar="PX",
         help="pixels a frame",
@@ -155,12 +157,14 @@ def run_recovery(args: argparse.Namespace) -> int:
     from ..evaluation.runner import TrackJob, tracker_and_frames
     from ..evaluation.track_scores import EvaluationPoints
 
+    videos, output = read_sequences(args.sequences), args.output
+    written = [output / f"{video.name}.csv" for video in videos]
+    check_apart({"--output": written}, [*given_paths(args, "output"), *files_of_sequences(videos)])
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
     photos = [image for _, image in _photos(args.photos, None)]
-    output = new_folder(args.output)
+    new_folder(output)
     scores: dict[str, RecoveryScore] = {}
-    videos = read_sequences(args.sequences)
     for number, video in enumerate(progress(videos, len(videos), "track", "sequence")):
         job = TrackJob(sequence=video, config=setting.config, threads=setting.threads)
         tracker, frames = tracker_and_frames(job, policy, renderer)
@@ -181,14 +185,15 @@ def run_motion(args: argparse.Namespace) -> int:
     """Track at every speed and print the table."""
     from ..evaluation.motion_cost import motion_costs, motion_table
 
-    if args.frames < 2 or min(args.speeds) < 0:
-        raise InputError("--frames must be 2 or more and --speeds not negative.")
+    if args.frames < 2 or not all(0 <= speed <= FASTEST for speed in args.speeds):
+        raise InputError(f"--frames must be 2 or more and --speeds from 0 to {FASTEST}.")
     mesh = mesh_or_demo(args)
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
     costs = motion_costs(
-        mesh, args.speeds, args.frames, policy, renderer, args.seed, setting.config
-    )
+        mesh, args.speeds, args.frames, policy, renderer, args.seed, setting.config,
+        setting.threads,
+    )  # fmt: skip
     print(motion_table(list(progress(costs, len(args.speeds), "motion", "speed"))))
     return 0
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..extras import require
+from .apart import check_apart, files_of_sequences, given_paths
 from .common import (
     DATASET_FORMATS,
     Setting,
@@ -106,19 +107,20 @@ def run(args: argparse.Namespace) -> int:
         if folder is not None:
             new_folder(folder)
     sequences = chosen(args)
+    _check_output(args, sequences)
     trackers = rivals(args.rivals, sequences)
     if args.name in trackers:
         raise InputError(f"--name {args.name}: a rival is called so, too; give another name.")
     setting = Setting.of(args)
     bench = Bench(args, setting, [make_job(sequence, args, setting) for sequence in sequences])
-    interrupted = False
+    ending: KeyboardInterrupt | None = None
     try:
         bench.work()
-    except KeyboardInterrupt:
-        interrupted = True
+    except KeyboardInterrupt as error:
+        ending = error
     bench.show(trackers)
-    if interrupted:
-        raise KeyboardInterrupt
+    if ending is not None:
+        raise ending  # itself: it knows the signal, and so the exit code
     if bench.errors:
         lost = ", ".join(bench.errors)
         again = " --resume goes on with them." if args.output is not None else ""
@@ -127,6 +129,20 @@ def run(args: argparse.Namespace) -> int:
             f"{lost}.{again}"
         )
     return 0
+
+
+def _check_output(args: argparse.Namespace, sequences: list[Sequence]) -> None:
+    """`InputError` where a track, a video, a page or a log would destroy an input."""
+    kinds = {"output": (".csv", ".json", ".mp4"), "report": (".html",), "rerun": (".rrd",)}
+    written = {
+        f"--{option}": [folder / f"{one.name}{kind}" for one in sequences for kind in suffixes]
+        for option, suffixes in kinds.items()
+        if (folder := getattr(args, option)) is not None
+    }
+    if args.report is not None:
+        written["--report"].append(args.report / "index.html")
+    folders = [] if args.rivals is None else [args.rivals]
+    check_apart(written, [*given_paths(args, *kinds), *files_of_sequences(sequences)], folders)
 
 
 def chosen(args: argparse.Namespace) -> list[Sequence]:
@@ -259,7 +275,8 @@ class Bench:
             self.undrawn.append(name)
         text, path = found.page, None if not job.page else self.args.report / f"{name}.html"
         if kept and path is not None:
-            text = page_of(job, Gathered(found.rows), make_renderer(self.setting.renderer))
+            gathered = Gathered(found.rows, dict(found.failures))
+            text = page_of(job, gathered, make_renderer(self.setting.renderer))
         if text is not None and path is not None:
             with replacing(path) as temporary:
                 temporary.write_text(text, encoding="utf-8")

@@ -108,9 +108,17 @@ def mesh_or_demo(args: argparse.Namespace) -> Mesh:
     from ..geometry.mesh import Mesh
     from ..synthesis.objects.demo_object import demo_object
 
+    check_mesh_options(args)
     if args.mesh is None:
         return demo_object()
-    return Mesh.load(args.mesh, args.mesh_unit, allow_untextured=args.allow_untextured)
+    return Mesh.load(args.mesh, args.mesh_unit or "m", allow_untextured=args.allow_untextured)
+
+
+def check_mesh_options(args: argparse.Namespace) -> None:
+    """`InputError` for options about a mesh where none is given."""
+    for option in ("mesh_unit", "allow_untextured"):
+        if args.mesh is None and getattr(args, option):
+            raise InputError(f"--{option} needs --mesh, the file that it is about.")
 
 
 def add_machine_options(group: Any) -> None:
@@ -162,6 +170,17 @@ def positive(text: str) -> int:
         value = 0
     if value < 1:
         raise argparse.ArgumentTypeError(f"must be a whole number above 0, found {text!r}")
+    return value
+
+
+def share(text: str) -> float:
+    """An option's number from 0 to 1."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value <= 1:
+        raise argparse.ArgumentTypeError(f"must be a number from 0 to 1, found {text!r}")
     return value
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..extras import require
+from .apart import check_apart, given_paths
 from .common import add_verb, positive, seed, use_threads
 
 if TYPE_CHECKING:
@@ -88,6 +89,11 @@ def run(args: argparse.Namespace) -> int:
 
     use_threads(1)
     source = data_of(args).source()
+    named = (Path(word.partition("=")[2]) for word in args.set)
+    read = [*given_paths(args, "output"), *filter(Path.is_file, named)]
+    read += [*source.meshes, *source.occluders]
+    folders = [] if source.photos is None else [source.photos]
+    check_apart({"--output": (args.output,)}, read, folders)
     random = np.random.default_rng(args.seed)
     photos, meshes = source.load_photos(random), source.load_meshes()
     meshes += source.make_shapes(random, photos, meshes)

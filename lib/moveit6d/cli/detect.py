@@ -45,13 +45,18 @@ two seconds an image with one thread, four to five where the object is not there
 two of preparation, which is kept for the next call. What is known of where the object is makes it
 faster and surer: --box, --mask, --points, --distance and --start.
 
+Several objects: --mesh and --mesh_unit once for each of them (one --mesh_unit does for all); the
+same mesh twice are two instances. Of what is known only --distance is for several.
+
 files written to --output:
-  poses.csv     the columns of `moveit6d track`, a row an image in the order given (more with
-                --instances); empty numbers and the state `lost` where the object was not found,
-                `uncertain` where the image cannot be used (damaged, of another size);
-                `confidence` is the probability that the pose is right
+  poses.csv     the columns of `moveit6d track`, a row an image in the order given (of several
+                objects one row each, with a column object before state; with --instances one row
+                each, with a column instance, 0 the most probable); empty numbers and the state
+                `lost` where the object was not found, `uncertain` where the image cannot be used
+                (damaged, of another size) or does not confirm the pose of --points; `confidence`
+                is the probability that the pose is right
   pose.json     for one image: the pose found, start of `moveit6d track`; those of more --instances
-                pose_2.json, pose_3.json, ...
+                pose_2.json, pose_3.json, ...; of several objects pose_NAME.json by column object
   overlay.png   outline and axes drawn on the image; for several images overlay/NAME.png
   detection.json  probabilities, what speaks for the poses, versions, which files were written
 
@@ -62,7 +67,8 @@ named and has no pose.
 Several images and data sets: what is found is on disk at once, and --resume goes on with a run that
 was interrupted (by what lies beside the results, named *.unfinished).
 
-exit code 3 also says that the object was found in none of the images.
+exit code 3 also says that no object was found in any image; a pose of --points that no image
+confirms does not count as found, but is written.
 """
 
 EPILOG = """\
@@ -71,6 +77,8 @@ examples:
       --camera camera.json --output found
   moveit6d detect --mesh drill.glb --mesh_unit m --image a.png b.png --camera camera.json \\
       --box 210 140 180 160 --distance 0.4 1.2 --output found
+  moveit6d detect --mesh cup.glb --mesh can.glb --mesh_unit m --image a.png \\
+      --camera camera.json --output found
   moveit6d detect --dataset lmo --split test --targets test_targets_bop19.json \\
       --boxes detections.json --output results.csv
 """
@@ -81,14 +89,27 @@ def add_parser(verbs: Any) -> None:
     parser = add_verb(verbs, "detect", "find objects in images", DESCRIPTION, EPILOG)
     parser.add_argument("--output", type=Path, required=True, metavar="PATH", help="for results")
     images = parser.add_argument_group("images")
-    images.add_argument("--mesh", type=Path, metavar="FILE", help="the object")
     images.add_argument(
-        "--mesh_unit", choices=UNITS, help="the mesh's unit; of a data set's models mm if not given"
+        "--mesh",
+        type=Path,
+        action="append",
+        metavar="FILE",
+        help="the object; once for each of several",
+    )
+    images.add_argument(
+        "--mesh_unit",
+        choices=UNITS,
+        action="append",
+        help="the mesh's unit; once, or for each mesh; of a data set's models mm if not given",
     )
     images.add_argument("--image", type=Path, nargs="+", metavar="FILE", help="the pictures")
     add_camera_options(images, required=False)
     images.add_argument(
-        "--instances", type=positive, default=1, metavar="N", help="of the object in an image"
+        "--instances",
+        type=positive,
+        default=1,
+        metavar="N",
+        help="how many of each object there may be in an image; each further one costs time",
     )
     dataset = parser.add_argument_group("data set")
     dataset.add_argument("--dataset", type=Path, metavar="DIR", help="BOP data set")
@@ -123,7 +144,7 @@ def run(args: argparse.Namespace) -> int:
     if args.dataset is not None:
         from .detect_dataset import run as run_dataset
 
-        return run_dataset(args)
+        return run_dataset(_with_one_unit(args))
     missing = [
         f"--{name}" for name in ("mesh", "mesh_unit", "image") if getattr(args, name) is None
     ]
@@ -142,3 +163,11 @@ def run(args: argparse.Namespace) -> int:
     from .detect_images import run as run_images
 
     return run_images(args)
+
+
+def _with_one_unit(args: argparse.Namespace) -> argparse.Namespace:
+    """The arguments with the only unit of --mesh_unit, that of all models of a data set."""
+    units = args.mesh_unit or [None]
+    if len(units) > 1:
+        raise InputError("--dataset takes one --mesh_unit.")
+    return argparse.Namespace(**{**vars(args), "mesh_unit": units[0]})

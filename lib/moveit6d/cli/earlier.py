@@ -17,7 +17,7 @@ from .messages import note
 
 TABLE, SUMMARY, DETECTION = "poses.csv", "summary.json", "detection.json"
 OF_DETECTION = re.compile(
-    r"poses\.csv|detection\.json|pose(_\d+)?\.json|overlay\.png|overlay/[^/]+\.png"
+    r"poses\.csv|detection\.json|pose(_[^/]+)?\.json|overlay\.png|overlay/[^/]+\.png"
 )
 
 

@@ -6,6 +6,7 @@ Never tracks.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,8 +20,11 @@ if TYPE_CHECKING:
     from ..geometry.pose import Pose
 
 NAMES = ("box", "mask", "points", "distance")
+OF_ONE_FRAME = ("box", "mask", "points")  # and of one object
+LOOK_FOR_IT = "none"  # of --start: the pose of this object is not known
 DARK, HALF, WHITE = 16, 128, 224  # of 255, in a picture of a mask
 MOST_OF_IMAGE = 0.95  # a mask of more is a mistake
+LEAST_COMMON = 0.3  # part of the smaller one of box and mask, which are drawn roughly
 
 
 def add_narrowing_options(parser: argparse.ArgumentParser, where: str = "") -> Any:
@@ -56,11 +60,20 @@ def add_narrowing_options(parser: argparse.ArgumentParser, where: str = "") -> A
 
 
 def advice(args: argparse.Namespace) -> str:
-    """What could still narrow a search that found nothing, as the end of a sentence."""
+    """What to check and what could narrow a search that found nothing, as the end of a sentence."""
     several = isinstance(args.mesh, list) and len(args.mesh) > 1
-    names = ("start",) if several else (*NAMES, "start")
-    free = [f"--{name}" for name in names if getattr(args, name) is None]
-    return f"; narrow the search by {' or '.join(free)}" if free else ""
+    names = ("distance", "start") if several else (*NAMES, "start")
+    known = [f"--{name}" for name in names if getattr(args, name) is not None]
+    free = " or ".join(f"--{name}" for name in names if getattr(args, name) is None)
+    if not known:
+        return f"; narrow the search by {free}"
+    check = f"; check {' and '.join(known)}"
+    return f"{check}, or narrow the search by {free}" if free else check
+
+
+def gives_pose(start: Path) -> bool:
+    """Whether one --start is a file, not the word for an object that is to be looked for."""
+    return str(start) != LOOK_FOR_IT
 
 
 def is_narrowed(args: argparse.Namespace) -> bool:
@@ -72,42 +85,66 @@ def check_first(args: argparse.Namespace) -> None:
     """`InputError` where the options do not go with the others of `track`."""
     if not is_narrowed(args):
         return
-    if len(args.mesh) > 1:
+    if len(args.mesh) > 1 and any(getattr(args, name) is not None for name in OF_ONE_FRAME):
         raise InputError(
-            "--box, --mask, --points and --distance are for one object; of several give a --start "
-            "for each."
+            "--box, --mask and --points are for one object; of several give --distance, which is "
+            "for all that are looked for, or a --start for each."
         )
-    if args.start:
+    if args.start and all(map(gives_pose, args.start)):
         raise InputError("--start says the pose; leave out --box, --mask, --points and --distance.")
 
 
 def known_of(args: argparse.Namespace, unit: str) -> dict[str, Any]:
-    """What the options say, as `PoseDetector.detect` takes it; `unit` is that of the points."""
+    """What the options say, as `PoseDetector.detect` takes it; `unit` is that of the points.
+
+    `InputError` where a file cannot be used, or where box and mask contradict each other.
+    """
     from ..estimation.detection.points import read_points
 
+    mask = None if args.mask is None else read_mask(args.mask)
+    if args.box is not None and mask is not None:
+        _check_common(args.box, mask)
     return {
         "box": args.box,
-        "mask": None if args.mask is None else read_mask(args.mask),
+        "mask": mask,
         "points": None if args.points is None else read_points(args.points, unit),
         "distance": args.distance,
     }
 
 
-def first_pose(detector: PoseDetector, first: VideoFrame, known: dict[str, Any]) -> Pose | None:
-    """The pose in a video's first frame by what is known; None, and a note, if it is not found.
+def _check_common(box: Sequence[float], mask: Any) -> None:
+    """`InputError` where a box (x, y, width, height) and a mask (H, W) show two places."""
+    import numpy as np
 
-    Where the image does not confirm the pose of points, it is theirs.
+    rows, columns = np.nonzero(mask)
+    x, y, width, height = box
+    inside = (x <= columns + 0.5) & (columns - 0.5 <= x + width)
+    inside &= (y <= rows + 0.5) & (rows - 0.5 <= y + height)
+    if len(rows) and inside.sum() < LEAST_COMMON * min(len(rows), width * height):
+        raise InputError(
+            f"--box and --mask contradict each other: {100 * inside.mean():.0f} % of the mask is "
+            f"inside of the box; the mask reaches from {columns.min()} {rows.min()} to "
+            f"{columns.max()} {rows.max()}. Leave one of them out."
+        )
+
+
+def first_pose(
+    detector: PoseDetector, first: VideoFrame, known: dict[str, Any], where: str = "the first frame"
+) -> Pose | None:
+    """The pose in a frame by what is known; None, and a note, if it is not found.
+
+    Where the image does not confirm the pose of points, it is theirs. `where` names the frame.
     """
-    if first.image is None:
-        raise InputError(f"the first frame is no use: {first.error}")
+    assert first.image is not None  # the caller chose one that can be read
     found = detector.detect(first.image, **known)
     if found.pose is not None:
         return found.pose
     if known["points"] is not None:
-        return unconfirmed(known["points"], detector.camera, found, "the first frame")[0]
+        return unconfirmed(known["points"], detector.camera, found, where)[0]
+    narrowed = any(value is not None for value in known.values())
     note(
-        "the object is not found in the first frame where it should be (probability "
-        f"{found.probability:.2f}); it is looked for in the whole image."
+        f"the object is not found in {where}{' where it should be' if narrowed else ''} "
+        f"(probability {found.probability:.2f}); it is looked for in the whole image."
     )
     return None
 

@@ -1,4 +1,4 @@
-"""What verbs that track several objects share: their meshes, units, starts, names and paint.
+"""What verbs that track several objects share: their meshes, units, starts and names.
 
 Never tracks.
 """
@@ -7,19 +7,16 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterator, Sequence
-from itertools import chain, count
+from collections.abc import Sequence
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from .messages import detail, note
-from .narrowing import is_narrowed
+from .narrowing import LOOK_FOR_IT, gives_pose
 
 if TYPE_CHECKING:
-    from ..config import TextureConfig
-    from ..datasets.video import VideoFrame
-    from ..geometry.camera import Camera
     from ..geometry.mesh import Mesh
     from ..geometry.pose import Pose
 
@@ -49,16 +46,16 @@ def read_starts(args: argparse.Namespace, count: int) -> list[Pose | None]:
     """The poses of --start, one a mesh; None where objects are to be looked for."""
     from ..geometry.pose import Pose
 
-    if not args.start:
-        if args.exact_start:
-            raise InputError("--exact_start needs the pose: give --start.")
-        return [None] * count
-    if len(args.start) != count:
+    given = args.start or [Path(LOOK_FOR_IT)] * count
+    if args.exact_start and not all(map(gives_pose, given)):
+        whose = "the pose: give --start" if count == 1 else "all poses: give --start for each mesh"
+        raise InputError(f"--exact_start needs {whose}.")
+    if len(given) != count:
         raise InputError(
-            f"{count} times --mesh but {len(args.start)} times --start; give a start for each "
-            "mesh, or none to look for the objects."
+            f"{count} times --mesh but {len(given)} times --start; give one for each mesh "
+            f"({LOOK_FOR_IT} for an object to look for), or leave out --start to look for all."
         )
-    return [Pose.load(path) for path in args.start]
+    return [Pose.load(path) if gives_pose(path) else None for path in given]
 
 
 def object_names(paths: Sequence[Path]) -> list[str]:
@@ -96,50 +93,17 @@ def _names_of_files(files: Sequence[Path]) -> dict[Path, str]:
     return names
 
 
-def wants_paint(args: argparse.Namespace, meshes: Sequence[Mesh], remembered: bool = False) -> bool:
-    """Whether meshes without colours are painted; says that they could be, if not.
+def note_without_colours(
+    args: argparse.Namespace, meshes: Sequence[Mesh], remembered: bool = False
+) -> None:
+    """Say that meshes without colours could be painted, if they are not.
 
     `remembered`: their looks are learnt from keyframes, and nothing needs to be said.
     """
     plain = [mesh.name for mesh in meshes if not mesh.has_colours]
-    if args.texture_from_start and not (args.start or is_narrowed(args)):
-        raise InputError(
-            "--texture_from_start needs the pose in the first frame: give --start or --points."
-        )
     if plain and not (args.texture_from_start or remembered):
         note(
             f"{', '.join(plain)} has no colours, which makes it hard to follow; with "
             "--texture_from_start it takes those of the first frame, with --keyframes.enabled true "
             "those of all confident ones."
         )
-    return bool(plain) and args.texture_from_start
-
-
-def peek(frames: Iterator[VideoFrame]) -> tuple[VideoFrame, Iterator[VideoFrame]]:
-    """The first frame, and all of them."""
-    first = next(frames, None)
-    if first is None:
-        raise InputError("there was no frame.")
-    return first, chain([first], frames)
-
-
-def painted(
-    meshes: Sequence[Mesh],
-    starts: Sequence[Pose | None],
-    first: VideoFrame,
-    camera: Camera,
-    config: TextureConfig,
-) -> list[Mesh]:
-    """The meshes; those without colours take what the first frame shows of them."""
-    from ..frame import prepare_frame
-
-    if first.image is None:
-        raise InputError(f"--texture_from_start: the first frame is no use: {first.error}")
-    frame = prepare_frame(first.image, camera).undistorted
-    image = frame.pixels.permute(1, 2, 0).numpy()
-    return [
-        mesh
-        if mesh.has_colours or pose is None
-        else mesh.textured_from(image, pose, frame.camera, config)
-        for mesh, pose in zip(meshes, starts, strict=True)
-    ]

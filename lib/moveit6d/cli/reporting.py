@@ -5,7 +5,7 @@ Never decides what a page looks like; `visualization` does.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ..geometry.mesh import Mesh
     from ..geometry.pose import Pose
     from ..rendering.renderer import Renderer
+    from .resuming import Earlier
 
 
 @dataclass
@@ -72,19 +73,22 @@ def reporting(
     camera: Camera,
     frames: FrameSource,
     renderer: Renderer,
-    earlier: Iterable[PoseRow] = (),
+    earlier: Earlier | None = None,
+    name: str = "",
 ) -> Iterator[Gathered | None]:
     """Gather steps and write the page when the block ends, however it ends, if there was a frame.
 
-    `earlier` are the rows of a track that is gone on with, which the page shows, too. None, and
-    nothing is kept, without a path.
+    `earlier` is the track that is gone on with, which the page shows, too; `name` is the object's
+    where there are several. None, and nothing is kept, without a path.
     """
     if path is None:
         yield None
         return
     from ..evaluation.run_tracker import LOW_CONFIDENCE
 
-    gathered = Gathered({row.frame: row for row in earlier})
+    gathered = Gathered()
+    if earlier is not None:
+        gathered = Gathered({row.frame: row for row in earlier.rows}, dict(earlier.failures))
     try:
         yield gathered
     finally:
@@ -93,7 +97,7 @@ def reporting(
 
             missing = sum(row.pose is None for row in gathered.rows.values())
             run = Run(
-                title=mesh.name,
+                title=name or mesh.name,
                 verdict=f"{len(gathered.rows)} frames, {missing} without a pose",
                 mesh=mesh,
                 camera=camera,

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from ..config import PAPER_CONFIG, SeedDetectorConfig, TrackerConfig
 from ..errors import InputError
 from ..extras import require
+from .apart import check_apart, files_of_sequences, given_paths
 from .common import (
     DATASET_FORMATS,
     Setting,
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 
 
 SEEDS = SeedDetectorConfig(criterion="iterations")  # the paper's criterion
+WRITTEN = (".md", ".json", ".csv", ".png", ".svg")
 FROM_TRACKS = ("ycb_add", "ycb_auc", "laval")  # may work in several processes
 
 
@@ -133,7 +135,17 @@ def _opened(args: argparse.Namespace) -> tuple[list[Sequence], str]:
     if not args.data.is_dir():
         raise InputError(f"{args.data} is not a folder; it should hold a data set.")
     kind = args.format or recognise(args.data)
-    return choose(open_dataset(args.data, kind), args.only), describe(args.data, kind)
+    # Workers of a cluster have other working folders.
+    videos = choose(open_dataset(args.data.resolve(), kind), args.only)
+    _check_output(args, videos)
+    return videos, describe(args.data, kind)
+
+
+def _check_output(args: argparse.Namespace, videos: list[Sequence]) -> None:
+    """`InputError` where one of the files that would be replaced in the output is an input."""
+    there = (*args.output.glob(f"{args.name}*"), *args.output.glob("tracks*/*"))
+    written = [path for path in there if path.is_file() and path.suffix in WRITTEN]
+    check_apart({"--output": written}, [*given_paths(args, "output"), *files_of_sequences(videos)])
 
 
 def _setting(args: argparse.Namespace, weights: Path | None) -> Setting:
@@ -156,9 +168,16 @@ def _facts(args: argparse.Namespace, setting: Setting) -> dict[str, Any]:
 
 
 def _tracks(
-    args: argparse.Namespace, videos: list[Sequence], weights: Path | None, place: str = "tracks"
+    args: argparse.Namespace,
+    videos: list[Sequence],
+    weights: Path | None,
+    place: str = "tracks",
+    resume: bool = True,
 ) -> tuple[list[ScoredTrack], dict[str, Any]]:
-    """Tracks under the paper's protocol, kept in the output folder, and the settings."""
+    """Tracks under the paper's protocol, kept in the output folder, and the settings.
+
+    With `resume` those that are there are taken.
+    """
     from ..evaluation.protocols import PAPER
     from ..evaluation.reproduce.tracks import scored
     from ..evaluation.runner import TrackStore, Workers
@@ -182,7 +201,7 @@ def _tracks(
         jobs,
         setting,
         store=TrackStore(new_folder(new_folder(args.output) / place)),
-        resume=True,
+        resume=resume,
         workers=Workers(args.jobs, args.ray, args.threads)
         if args.name in FROM_TRACKS
         else Workers(),
@@ -257,11 +276,15 @@ def _runtime(args: argparse.Namespace) -> Reproduction:
 
     tracks: list[ScoredTrack] = []
     data = "surrogate (an object made by the library)"
-    mesh = demo_object() if args.data is None else None
-    if args.data is not None:
+    mesh = None
+    if args.data is None:
+        _check_output(args, [])
+        mesh = demo_object()
+    else:
         videos, data = _opened(args)
         mesh = videos[0].load_mesh()
-        tracks, _ = _tracks(args, videos, args.weights)
+        # Anew: times of another day, of more threads or of another machine are others.
+        tracks, _ = _tracks(args, videos, args.weights, resume=False)
     assert mesh is not None
     setting = _setting(args, args.weights)
     policy, renderer = make_tools(setting)

@@ -6,53 +6,131 @@ Never tracks.
 from __future__ import annotations
 
 import argparse
+import csv
+import io
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..checks import reading
 from ..config import TrackerConfig
 from ..errors import InputError
 from .common import plain, weights_facts
-from .journal import CONTENT, MISSING, file_facts, journal_file, other_fact, read_journal
+from .journal import (
+    CONTENT,
+    MISSING,
+    file_facts,
+    journal_file,
+    other_fact,
+    pose_line,
+    pose_of,
+    read_journal,
+)
 from .narrowing import NAMES as NARROWING
+from .narrowing import gives_pose
 from .settings import fields_of
 
 if TYPE_CHECKING:
-    from ..config import StateConfig
     from ..datasets.pose_files import PoseRow
     from ..datasets.video import VideoFrame
+    from ..estimation.recovery import Supervisor
     from ..evaluation.run_tracker import AnyTracker
+    from ..geometry.mesh import Mesh
+    from ..geometry.pose import Pose
 
+# In journals and summaries: the pose that a search in the first frame gave; of several objects a
+# list.
+FOUND = "found_start"
 # The arguments that a track goes by, beside the settings and the weights.
 SAME = ("mesh", "mesh_unit", "video", "camera", "fov", "start", "exact_start",
         "texture_from_start", "allow_untextured", "renderer", "float32", *NARROWING)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """An interrupted track of one object that is gone on with, or nothing.
+
+    `rows` are its rows and `failures` say why those without a pose have none, by frame. `found` is
+    the pose that a search in the first frame ended with, None if it found nothing; without such a
+    search it is empty.
+    """
+
+    rows: Sequence[PoseRow] = ()
+    failures: Mapping[int, str] = field(default_factory=dict)
+    found: tuple[Pose | None, ...] = ()
+
+
+def earlier_tracks(
+    args: argparse.Namespace, facts: dict[str, Any], names: Sequence[str], centers: Sequence[Any]
+) -> list[Earlier]:
+    """The interrupted track in --output, an entry an object; nothing where it has no rows.
+
+    `names` and `centers` are the objects' names and middles in the mesh files' frames.
+    """
+    rows = earlier_rows(args.output, args, facts, centers, names)
+    if not rows:
+        return [Earlier() for _ in names]
+    parts = _parts(args.output)
+    found = [part[FOUND] for part in parts if FOUND in part][-1:]
+    if found and len(names) > 1:
+        found = found[0]
+    tracks = []
+    for number, name in enumerate(names):
+        own = rows[number :: len(names)]
+        with reading(_last_record(args.output)):
+            said = _failures(parts, name)
+            start = tuple(pose and pose_of(pose) for pose in found[number : number + 1])
+        failures = {
+            row.frame: said.get(row.frame) or _failure(row) for row in own if row.pose is None
+        }
+        tracks.append(Earlier(own, failures, start))
+    return tracks
 
 
 def earlier_rows(
     output: Path,
     args: argparse.Namespace,
     facts: dict[str, Any],
-    center: Any = (0.0, 0.0, 0.0),
+    centers: Sequence[Any] = ((0.0, 0.0, 0.0),),
+    names: Sequence[str] = ("",),
 ) -> list[PoseRow]:
-    """The rows of the interrupted run in a folder; none without `--resume` or before its start.
+    """The rows of whole frames of the interrupted run in a folder, in the order of `names`.
 
-    `facts` are this run's (`track_facts`), `center` is the object's middle in the mesh file's
-    frame. `InputError` if the run was begun with other files or settings, or if nothing says with
-    which.
+    None without `--resume` or before its start. `facts` are this run's (`track_facts`), `centers`
+    the objects' middles in the mesh files' frames. `InputError` if the run was begun with other
+    files or settings, or if nothing says with which.
     """
-    from ..datasets.pose_files import by_frame, read_poses, whole_lines
+    from ..datasets.pose_files import read_poses, whole_lines
 
     table = output / "poses.csv"
     if not args.resume or not table.is_file():
         return []
-    rows = read_poses(table, whole_lines(table), center)
-    if [*by_frame(rows, str(table))] != list(range(len(rows))):
+    middles = dict(zip(names, centers, strict=True))
+    rows = read_poses(table, whole_lines(table), lambda name: middles.get(name, centers[0]))
+    order = [(number // len(names), names[number % len(names)]) for number in range(len(rows))]
+    if [(row.frame, row.object) for row in rows] != order:
         raise InputError(f"{table}: its frames are not 0, 1, 2, …; it cannot be gone on with.")
     _check_states(rows, table)
     if rows:
         _check_facts(table, facts)
-    return rows
+    return rows[: len(rows) - len(rows) % len(names)]
+
+
+def cut_to_frames(table: Path, frames: int, objects: int) -> None:
+    """Cut a table after so many frames: the last may not hold the rows of all objects."""
+    from ..datasets.pose_files import whole_lines
+    from ..io import replacing
+
+    text = whole_lines(table)
+    reader = csv.reader(io.StringIO(text, newline=""))
+    for _ in range(1 + frames * objects):
+        next(reader)
+    kept = "".join([*io.StringIO(text, newline="")][: reader.line_num])
+    if kept != text:
+        with replacing(table) as temporary:
+            temporary.write_text(kept, encoding="utf-8", newline="")
 
 
 def track_facts(args: argparse.Namespace, config: TrackerConfig) -> dict[str, Any]:
@@ -60,20 +138,62 @@ def track_facts(args: argparse.Namespace, config: TrackerConfig) -> dict[str, An
     arguments = {name: plain(getattr(args, name, None)) for name in SAME}
     weights = {"weights": weights_facts(args.weights)["weights_sha256"]}
     settings = {name: value for name, _, _, value in fields_of(config)}
-    every = {**arguments, **weights, **file_facts(args), **settings}
+    every = {**arguments, **weights, **_file_facts(args), **settings}
     facts: dict[str, Any] = json.loads(json.dumps(every))
     return facts
 
 
-def earlier_failure(row: PoseRow) -> dict[str, Any] | None:
-    """What a summary says of an earlier frame without a pose, as nearly as its row tells it."""
+def _file_facts(args: argparse.Namespace) -> dict[str, Any]:
+    """`file_facts`, with None for a --start that is no file."""
+    starts = args.start or []
+    files = argparse.Namespace(**{**vars(args), "start": [p for p in starts if gives_pose(p)]})
+    facts = file_facts(files)
+    digests = iter(facts[f"start{CONTENT}"])
+    given = [next(digests) if gives_pose(path) else None for path in starts]
+    return {**facts, f"start{CONTENT}": given or None}
+
+
+def _last_record(output: Path) -> Path:
+    """What the last run wrote of itself."""
+    journal = journal_file(output / "poses.csv")
+    return journal if journal.is_file() else output / "summary.json"
+
+
+def _parts(output: Path) -> list[dict[str, Any]]:
+    """What a track's summary and journal say, the later last."""
+    from ..io import read_json
+
+    summary, journal = output / "summary.json", journal_file(output / "poses.csv")
+    # Both are there where a track that was gone on with was killed.
+    parts = [read_json(summary)] if summary.is_file() else []
+    return parts + (read_journal(journal)[1] if journal.is_file() else [])
+
+
+def _failures(parts: Iterable[Mapping[str, Any]], name: str) -> dict[int, str]:
+    """What they say of an object's failures, by frame."""
+    from ..evaluation.run_tracker import failures_in
+
+    failures: dict[int, str] = {}
+    for part in parts:
+        failures |= failures_in(part.get("objects", {}).get(name, {}) if name else part)
+    return failures
+
+
+def found_line(found: Sequence[Pose | None]) -> dict[str, Any]:
+    """What a journal and a summary keep of a search in the first frame."""
+    if not found:
+        return {}
+    lines = [None if pose is None else pose_line(pose) for pose in found]
+    return {FOUND: lines if len(lines) > 1 else lines[0]}
+
+
+def _failure(row: PoseRow) -> str:
+    """Why an earlier frame has no pose, as nearly as its row tells it."""
     from ..estimation.states import TrackingState
 
-    if row.pose is not None:
-        return None
-    unread = row.milliseconds is None
-    lost = "the object is lost." if row.state == TrackingState.LOST else "there is no pose."
-    return {"frame": row.frame, "error": "the frame cannot be read." if unread else lost}
+    if row.milliseconds is None:
+        return "the frame cannot be read."
+    return "the object is lost." if row.state == TrackingState.LOST else "there is no pose."
 
 
 def numbered(path: Path, first: int) -> Path:
@@ -142,23 +262,31 @@ def _in_summary(content: dict[str, Any], name: str) -> Any:
 
 
 def going_on(
-    tracker: AnyTracker, frames: Iterable[VideoFrame], rows: Sequence[PoseRow]
+    tracker: AnyTracker,
+    frames: Iterable[VideoFrame],
+    tracks: Sequence[Sequence[PoseRow]],
+    see: Callable[[AnyTracker, VideoFrame, Sequence[PoseRow]], None],
 ) -> Iterator[VideoFrame]:
-    """The frames after those of the rows; before the first, the tracker is told what they say."""
+    """The frames after those of the tracks' rows, an entry an object.
+
+    The tracker is told what became of those before, and `see` is shown them, as in the loop.
+    """
+    count = len(tracks[0])
     for frame in frames:
-        if frame.index < len(rows):
+        if frame.index >= count:
+            yield frame
             continue
-        if frame.index == len(rows):
-            for row in rows:
-                tell(tracker, row)
-        yield frame
+        rows = [track[frame.index] for track in tracks]
+        for number, row in enumerate(rows):
+            tell(tracker, row, number)
+        see(tracker, frame, rows)
 
 
-def tell(tracker: AnyTracker, row: PoseRow) -> None:
-    """Let a tracker of one object know what became of an earlier frame."""
+def tell(tracker: AnyTracker, row: PoseRow, number: int = 0) -> None:
+    """Let a tracker know what became of one of its objects in an earlier frame."""
     import torch
 
-    (track,), (supervisor,) = tracker.tracks, tracker.supervisors
+    track, supervisor = tracker.tracks[number], tracker.supervisors[number]
     if row.pose is None and row.milliseconds is None:
         return  # a frame that could not be read tells a tracker nothing
     if row.pose is None:
@@ -166,15 +294,18 @@ def tell(tracker: AnyTracker, row: PoseRow) -> None:
         supervisor.missed()
     else:
         track.add(track.mesh.inner(row.pose.to(torch.float64)), row.confidence or 0.0)
-        supervisor.machine.update(_probability(supervisor.config.states, row))
+        supervisor.machine.update(_probability(supervisor, row, track.mesh))
     if row.state:
         supervisor.tell(row.state)
 
 
-def _probability(config: StateConfig, row: PoseRow) -> float:
-    """That a row's pose is right, as nearly as can be told without the contour's agreement."""
-    from ..estimation.states import TrackingState, probability_of
+def _probability(supervisor: Supervisor, row: PoseRow, mesh: Mesh) -> float:
+    """That a row's pose is right: as it says itself, or as nearly as can be told without that."""
+    from ..estimation.states import TrackingState
 
+    if row.probability is not None:
+        return row.probability
     if row.state == TrackingState.TRACKING:
         return 1.0
-    return probability_of(config, row.confidence or 0.0, config.usual_agreement)
+    usual = supervisor.config.states.usual_agreement
+    return supervisor.machine.probability(row.confidence or 0.0, usual, mesh)

@@ -80,7 +80,8 @@ def track_job(
     frames = track(job, policy, renderer)
     watched = _with_bar(job, frames) if bar else frames
     gathered.rows = gather(job.sequence, _drawn(job, watched, renderer, gathered), path)
-    return Tracked(gathered.rows, page_of(job, gathered, renderer) if job.page else None)
+    page = page_of(job, gathered, renderer) if job.page else None
+    return Tracked(gathered.rows, page, gathered.failures)
 
 
 def run_sequences(
@@ -155,7 +156,8 @@ def _drawn(
 
     sequence = job.sequence
     mesh = sequence.load_mesh()
-    movie_file = nullcontext() if job.movie is None else VideoWriter(job.movie)
+    rate = sequence.open().fps or 25.0
+    movie_file = nullcontext() if job.movie is None else VideoWriter(job.movie, rate)
     with movie_file as movie, rerun_log(job.log, mesh, sequence.camera, sequence.truth) as log:
         for step in complaining(steps, f"{sequence.name}, "):
             gathered.add(step)

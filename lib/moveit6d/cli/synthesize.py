@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from .apart import check_apart, given_paths
-from .common import UNITS, add_untextured_option, add_verb, positive, seed
+from .common import UNITS, add_untextured_option, add_verb, check_mesh_options, positive, seed
 from .messages import progress_bar
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--mesh", type=Path, nargs="+", metavar="FILE", help="objects instead of procedural ones"
     )
-    parser.add_argument("--mesh_unit", choices=UNITS, default="m", help="the meshes' unit")
+    parser.add_argument("--mesh_unit", choices=UNITS, help="the meshes' unit (default: m)")
     parser.add_argument(
         "--difficulty", choices=DIFFICULTIES, default="medium", help="how hard it is"
     )
@@ -96,6 +96,7 @@ def run(args: argparse.Namespace) -> int:
     """Make the sequences."""
     from ..synthesis.sequences.sequence import check_replaceable
 
+    check_mesh_options(args)
     if args.occlusion is not None and args.format != "laval":
         raise InputError("--occlusion is for --format laval; other formats go by --difficulty.")
     if args.count is not None and args.format == "laval":
@@ -195,5 +196,6 @@ def _mesh(args: argparse.Namespace, number: int) -> Mesh:
     from ..synthesis.objects.shapes import random_object
 
     if args.mesh:
-        return Mesh.load(args.mesh[number], args.mesh_unit, allow_untextured=args.allow_untextured)
+        allow = args.allow_untextured
+        return Mesh.load(args.mesh[number], args.mesh_unit or "m", allow_untextured=allow)
     return random_object(np.random.default_rng(number))

@@ -6,13 +6,12 @@ Never more than reading, the tracker's update for each frame, and writing.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError
 from .apart import check_apart, check_truth, given_paths
 from .camera_options import CAMERA_FILES, add_camera_options, camera_of
 from .common import (
@@ -24,26 +23,30 @@ from .common import (
     complaining,
     make_tools,
     new_folder,
-    versions,
-    weights_facts,
 )
 from .earlier import clear_earlier
 from .journal import Journal, journal_file
 from .messages import note, progress
-from .narrowing import add_narrowing_options, check_first, first_pose, is_narrowed, known_of
-from .objects import load_meshes, object_names, painted, peek, read_starts, wants_paint
-from .reporting import check_report, check_rerun, reporting, rerun_log
-from .resuming import earlier_rows, going_on, numbered, track_facts
+from .narrowing import add_narrowing_options, check_first, gives_pose
+from .no_effect import note_without_effect
+from .not_found import say_why
+from .objects import load_meshes, note_without_colours, object_names, read_starts
+from .painting import Painting
+from .reporting import check_report, check_rerun
+from .resuming import cut_to_frames, earlier_tracks, found_line, going_on, track_facts
 from .settings import EVERYTHING, SettingsPart
+from .starting import Beginning, begin
+from .track_files import PICTURE, TrackFiles, files_of, forget_picture, track_files
 from .track_summary import track_records, track_summary, verdict
 
 if TYPE_CHECKING:
     from ..datasets.pose_files import PoseWriter
     from ..datasets.video import FrameSource, VideoFrame
-    from ..evaluation.run_tracker import TrackedFrame, TrackSummary
+    from ..evaluation.run_tracker import AnyTracker, TrackedFrame, TrackSummary
     from ..geometry.camera import Camera
     from ..geometry.mesh import Mesh
     from ..geometry.pose import Pose
+    from .resuming import Earlier
 
 # The settings that decide about a video: those for single images are not read, and the errors of
 # width and displacement decide about numbers that are not written.
@@ -72,7 +75,9 @@ object is looked for, near where it was and then in the whole image, and followe
 is found.
 
 Several objects: --mesh, --mesh_unit and --start once for each of them (one --mesh_unit does for
-all); the same mesh twice are two instances.
+all; --start none for one that is looked for); the same mesh twice are two instances. --distance
+is for all that are looked for; each has a report and a file for rerun of its own, with its name:
+report_cup.html.
 
 files read:
   --mesh    OBJ, PLY, GLB, Collada (.dae), STL or OFF, with texture, vertex colours or plain
@@ -88,11 +93,13 @@ files read:
 
 files written to --output:
   poses.csv     (rows can be read while the track runs)
-                frame,image,r11,...,r33,tx,ty,tz,steps,stopped_by,confidence,milliseconds,state;
+                frame,image,r11,...,r33,tx,ty,tz,steps,stopped_by,confidence,
+                probability,milliseconds,state;
                 one row a frame (of several objects one row each, with a column object before
                 state), empty numbers where there is no pose; the state is tracking, uncertain
                 (there is a pose, it may be wrong) or lost
   overlay.mp4   outline and axes drawn on the frames (red where the confidence is low)
+  start.png     the start pose, given or found, drawn on the first frame
   summary.json  frames, failed frames, milliseconds, states and events (from which frame to which
                 each state lasted), versions
   --report      one HTML page of the run for any browser: curves, pictures, worst frames first
@@ -127,7 +134,8 @@ def add_parser(verbs: Any) -> None:
         type=Path,
         action="append",
         metavar="FILE",
-        help="pose in the first frame, once for each mesh (default: look for the objects)",
+        help="pose in the first frame, once for each mesh; none for an object to look for "
+        "(default: look for all)",
     )
     parser.add_argument(
         "--exact_start",
@@ -137,12 +145,13 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--texture_from_start",
         action="store_true",
-        help="paint meshes without colours from the first frame, at the start pose",
+        help="paint meshes without colours from the first frame, at the start pose or where they "
+        "are found; otherwise from the first frame in which they are tracked",
     )
     parser.add_argument(
         "--resume", action="store_true", help="go on behind the last row of --output's poses.csv"
     )
-    parser.add_argument("--no_overlay", action="store_true", help="leave out overlay.mp4")
+    parser.add_argument("--no_overlay", action="store_true", help="leave out the pictures")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML page of the run")
     parser.add_argument("--rerun", type=Path, metavar="FILE", help="write an .rrd for rerun")
     add_narrowing_options(parser, " of the first frame, instead of --start")
@@ -187,70 +196,74 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.live import Latest
     from ..datasets.pose_files import PoseWriter, track_columns
     from ..datasets.video import Prefetched, is_live, open_frames
-    from ..estimation import PoseDetector, PoseTracker, TemplateStore
-    from ..estimation.detection import default_store
-    from ..evaluation.run_tracker import calibrating, run_tracker
-    from .drawing import draw_step
+    from ..evaluation.run_tracker import run_tracker
 
+    if not any(map(gives_pose, args.start or ())):
+        args.start = None
     check_first(args)
-    meshes = _meshes(args)
+    meshes, names = load_meshes(args), object_names(args.mesh)
     starts, frames = _starts(args, meshes), open_frames(args.video)
     camera = camera_of(args, frames)
-    _check_files(args, frames)
+    _check_files(args, frames, names)
     setting = Setting.of(args)
-    policy, renderer = make_tools(setting)
+    facts = track_facts(args, setting.config)
+    earlier = earlier_tracks(args, facts, names, [mesh.center for mesh in meshes])
     # What is live and read ahead would show the past.
     ahead = _sized(iter(Latest(frames) if is_live(frames) else Prefetched(frames)), camera)
-    tools: dict[str, Any] = {
-        "policy": policy, "renderer": renderer, "config": setting.config,
-        "store": TemplateStore(default_store()), "threads": setting.threads,
-    }  # fmt: skip
-    if is_narrowed(args):
-        first, ahead = peek(ahead)
-        detector = PoseDetector(meshes[0], camera, **tools)
-        starts = [first_pose(detector, first, known_of(args, args.mesh_unit[0]))]
-    if wants_paint(args, meshes, setting.config.keyframes.enabled):
-        first, ahead = peek(ahead)
-        meshes = painted(meshes, starts, first, camera, setting.config.texture)
-    tracker = PoseTracker(meshes, camera, starts, **tools)
-    names = object_names(args.mesh)
-    output = new_folder(args.output)
-    facts = track_facts(args, setting.config)
-    earlier = earlier_rows(output, args, facts, meshes[0].center)
-    records = track_records(len(meshes), earlier)
-    movie_file, log_file = _numbered_files(output, args, len(earlier))
+    painting = Painting(meshes, names, camera, setting.config.texture, args.texture_from_start)
+    tracker, beginning, ahead = _begun(args, setting, painting, starts, ahead, earlier)
+    output, before = new_folder(args.output), [one.rows for one in earlier]
+    records, found = [track_records(1, one)[0] for one in earlier], found_line(beginning.found)
+    files = TrackFiles.of(args, names, len(before[0]), frames)
+    kept = {**found, **painting.kept, **files.kept}
+    resume = bool(before[0])
+    if resume:
+        cut_to_frames(output / "poses.csv", len(before[0]), len(names))
     with (
-        Journal(output / "poses.csv", facts, resume=bool(earlier)) as journal,
-        track_summary(records, names, args, setting, journal),
-        reporting(args.report, _about(args), meshes[0], camera, frames, renderer, earlier) as page,
-        PoseWriter(output / "poses.csv", track_columns(len(meshes)), resume=bool(earlier)) as table,
-        _movie(movie_file, frames.fps) as movie,
-        rerun_log(log_file, meshes[0], camera) as log,
+        Journal(output / "poses.csv", facts, resume=resume) as journal,
+        track_summary(records, names, args, setting, journal, kept),
+        PoseWriter(output / "poses.csv", track_columns(len(meshes)), resume=resume) as table,
+        track_files(files, args, names, tracker, beginning.starts, frames, earlier) as write,
     ):
-        watched = progress(ahead, frames.length, "track")
-        exact = args.exact_start and setting.config.calibration.enabled
-        known = calibrating(tracker, _first_seen(watched)) if exact else watched
-        todo = going_on(tracker, known, earlier) if earlier else known
+        todo = _calibrated(args, setting, tracker, progress(ahead, frames.length, "track"))
+        if resume:
+            todo = going_on(tracker, todo, before, painting.see)
         steps = complaining(run_tracker(tracker, todo, names))
-        if not earlier:
-            steps = _replacing(steps, output, [movie_file, args.report, log_file])
-        for step in _kept(steps, records, table, journal):
-            if page is not None:
-                page.add(step)
-            if movie is not None:
-                movie.write(draw_step(step, meshes, camera, renderer))
-            if log is not None:
-                log.write(step.frame, step.row, step.error)
+        if not resume:
+            steps = _replacing(steps, output, files.written)
+        for step in _kept(steps, records, table, journal, found):
+            painting.see(tracker, step.frame, [one.row for one in (step, *step.others)])
+            write(step)
+    painting.end()
+    say_why(tracker, records, names, beginning.starts)
     return verdict(args, records, names)
 
 
-def _meshes(args: argparse.Namespace) -> list[Mesh]:
-    """The objects; `InputError` where there are several and an option is for one."""
-    if len(args.mesh) > 1 and (args.report or args.rerun or args.resume):
-        raise InputError(
-            "--report, --rerun and --resume are for one object; leave them out with several."
-        )
-    return load_meshes(args)
+def _begun(
+    args: argparse.Namespace,
+    setting: Setting,
+    painting: Painting,
+    given: Sequence[Pose | None],
+    frames: Iterator[VideoFrame],
+    earlier: Sequence[Earlier],
+) -> tuple[AnyTracker, Beginning, Iterator[VideoFrame]]:
+    """The tracker at the poses to begin from, those, and all frames; what is of no use is said."""
+    from ..estimation import PoseDetector, PoseTracker, TemplateStore
+    from ..estimation.detection import default_store
+
+    policy, renderer = make_tools(setting)
+    meshes, camera, config = painting.meshes, painting.camera, setting.config
+    note_without_effect(args, meshes, config, policy)
+    note_without_colours(args, meshes, config.keyframes.enabled)
+    tools: dict[str, Any] = {
+        "policy": policy, "renderer": renderer, "config": config,
+        "store": TemplateStore(default_store()), "threads": setting.threads,
+    }  # fmt: skip
+    before = tuple(pose for one in earlier for pose in one.found)
+    detector = partial(PoseDetector, camera=camera, **tools)
+    beginning, frames = begin(args, meshes, given, frames, detector, before)
+    tracker = PoseTracker(painting.begin(beginning), camera, beginning.starts, **tools)
+    return tracker, beginning, frames
 
 
 def _starts(args: argparse.Namespace, meshes: Sequence[Mesh]) -> list[Pose | None]:
@@ -264,25 +277,27 @@ def _starts(args: argparse.Namespace, meshes: Sequence[Mesh]) -> list[Pose | Non
     return starts
 
 
-def _check_files(args: argparse.Namespace, frames: FrameSource) -> None:
+def _check_files(args: argparse.Namespace, frames: FrameSource, names: Sequence[str]) -> None:
     """`InputError` where a file cannot be written, or would destroy another one."""
     from ..datasets.video import image_files
 
     output, table = args.output, args.output / "poses.csv"
     images = image_files(frames) or [path for path in [Path(args.video)] if path.is_file()]
+    pages, logs = files_of(args.report, names), files_of(args.rerun, names)
     written = {
         "--output": (
             table, journal_file(table), output / "summary.json", output / "overlay.mp4",
-            *output.glob("overlay_*.mp4"),
+            output / PICTURE, *output.glob("overlay_*.mp4"),
         ),
-        "--report": (args.report,),
-        "--rerun": (args.rerun,),
+        "--report": pages,
+        "--rerun": logs,
     }  # fmt: skip
     given_files = given_paths(args, "output", "report", "rerun")
     check_apart(written, [*given_files, *images])
     check_truth(output, images)
-    check_report(args.report, frames)
-    check_rerun(args.rerun)
+    for page, log in zip(pages, logs, strict=True):
+        check_report(page, frames)
+        check_rerun(log)
 
 
 def _sized(frames: Iterator[VideoFrame], camera: Camera) -> Iterator[VideoFrame]:
@@ -302,15 +317,15 @@ def _sized(frames: Iterator[VideoFrame], camera: Camera) -> Iterator[VideoFrame]
     return chain(seen, frames)
 
 
-def _about(args: argparse.Namespace) -> dict[str, str]:
-    """What a report says of the command."""
-    return {
-        "object": ", ".join(map(str, args.mesh)),
-        "video": str(args.video),
-        "start": ", ".join(map(str, args.start or ["looked for"])),
-        **{name: str(value) for name, value in weights_facts(args.weights).items()},
-        "moveit6d": versions()["moveit6d"],
-    }
+def _calibrated(
+    args: argparse.Namespace, setting: Setting, tracker: AnyTracker, frames: Iterator[VideoFrame]
+) -> Iterator[VideoFrame]:
+    """The same frames; with --exact_start the tracker is calibrated from the first."""
+    from ..evaluation.run_tracker import calibrating
+
+    if not (args.exact_start and setting.config.calibration.enabled):
+        return frames
+    return calibrating(tracker, _first_seen(frames))
 
 
 def _first_seen(frames: Iterable[VideoFrame]) -> Iterator[VideoFrame]:
@@ -322,11 +337,12 @@ def _first_seen(frames: Iterable[VideoFrame]) -> Iterator[VideoFrame]:
 
 
 def _replacing(
-    steps: Iterable[TrackedFrame], output: Path, written: Sequence[Path | None]
+    steps: Iterable[TrackedFrame], output: Path, written: Sequence[Path]
 ) -> Iterator[TrackedFrame]:
     """The same steps; at the first an earlier track's files are removed, no sooner."""
     for number, step in enumerate(steps):
         if number == 0:
+            forget_picture(output)
             clear_earlier(output, written)
         yield step
 
@@ -336,26 +352,23 @@ def _kept(
     records: Sequence[TrackSummary],
     table: PoseWriter,
     journal: Journal,
+    found: Mapping[str, Any],
 ) -> Iterator[TrackedFrame]:
-    """The same steps, each of them written to the table and noted for the summary."""
+    """The same steps, each of them written to the table and noted for the summary.
+
+    The journal has what a track could be gone on with: what was `found` in the first frame, and the
+    failures, of several objects under their names.
+    """
     for number, step in enumerate(steps):
-        for record, one in zip(records, (step, *step.others), strict=True):
+        failures = [len(record.failures) for record in records]
+        objects = (step, *step.others)
+        for record, one in zip(records, objects, strict=True):
             table.write(one.row)
             record.add(one)
         if number == 0:  # until now the table may have held an older track's rows
-            journal.add({"first": step.frame.index})
+            journal.add({"first": step.frame.index, **found})
+        for record, one, before in zip(records, objects, failures, strict=True):
+            if len(record.failures) > before:
+                new, name = {"failures": record.failures[-1:]}, one.row.object
+                journal.add({"objects": {name: new}} if name else new)
         yield step
-
-
-def _numbered_files(
-    output: Path, args: argparse.Namespace, first: int
-) -> tuple[Path | None, Path | None]:
-    """The overlay and the file for rerun, if wanted, named for a track's first frame."""
-    movie = None if args.no_overlay else numbered(output / "overlay.mp4", first)
-    return movie, None if args.rerun is None else numbered(args.rerun, first)
-
-
-def _movie(path: Path | None, fps: float | None) -> AbstractContextManager[Any]:
-    from ..visualization.video import VideoWriter
-
-    return nullcontext() if path is None else VideoWriter(path, fps or 25.0)

@@ -7,29 +7,29 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from itertools import islice
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from .common import NOT_FOUND, Setting, given, versions, weights_facts
 from .journal import CONTENT, Journal
 from .narrowing import advice
-from .resuming import earlier_failure
 
 if TYPE_CHECKING:
-    from ..datasets.pose_files import PoseRow
     from ..evaluation.run_tracker import TrackSummary
+    from .resuming import Earlier
 
 
-def track_records(count: int, earlier: Sequence[PoseRow]) -> list[TrackSummary]:
-    """What is gathered for the summary of each object; the first knows the rows of before."""
+def track_records(count: int, earlier: Earlier) -> list[TrackSummary]:
+    """What is gathered for the summary of each object; the first knows the track of before."""
     from ..evaluation.run_tracker import KEPT_FAILURES, TrackSummary
 
     records = [TrackSummary() for _ in range(count)]
-    failures = [one for one in map(earlier_failure, earlier) if one is not None]
-    records[0].failures += failures[:KEPT_FAILURES]
-    for row in earlier:
+    for frame, text in islice(earlier.failures.items(), KEPT_FAILURES):
+        records[0].failures.append({"frame": frame, "error": text})
+    for row in earlier.rows:
         records[0].add_row(row)
     return records
 
@@ -41,10 +41,12 @@ def track_summary(
     args: argparse.Namespace,
     setting: Setting,
     journal: Journal,
+    found: Mapping[str, Any],
 ) -> Iterator[None]:
     """Write the summary when the block ends, however it ends, if there was a frame.
 
-    It says what the track goes by, too: the journal is not needed any more.
+    It says what the track goes by, and the start that was `found`, too: the journal is not needed
+    any more.
     """
     from ..io import write_json
 
@@ -62,6 +64,7 @@ def track_summary(
                 facts = {"frames": records[0].frames, "objects": objects}
             facts = {
                 **facts,
+                **found,
                 "interrupted": interrupted,
                 **weights_facts(args.weights),
                 **{name: value for name, value in journal.facts.items() if name.endswith(CONTENT)},

@@ -18,12 +18,16 @@ class StateConfig:
     The probability that a pose is right is a logistic regression on the network's confidence and on
     the contour's agreement with the colours of earlier frames, which the network never saw. It was
     fitted on tracks of synthetic sequences in which the object goes away and comes back, of
-    training meshes that were held out.
+    training meshes that were held out (`tools/fit_probabilities.py`). Of meshes without colours,
+    for which the network's confidence says less, another one of its log odds was fitted likewise.
 
     Args:
         confidence: weight of the network's confidence.
         agreement: weight of the contour's agreement, a share.
         intercept: intercept of the regression.
+        uncoloured_confidence: of meshes without colours: weight of the confidence's log odds.
+        uncoloured_agreement: of meshes without colours: weight of the contour's agreement.
+        uncoloured_intercept: of meshes without colours: intercept of the regression.
         usual_agreement: the contour's agreement that is assumed where it is not measured (without
             contour refinement): the confidence alone decides then.
         confirmed: probability from which an object is tracked.
@@ -39,6 +43,9 @@ class StateConfig:
     confidence: float = 9.45
     agreement: float = 1.28
     intercept: float = -6.21
+    uncoloured_confidence: float = 1.33
+    uncoloured_agreement: float = 1.56
+    uncoloured_intercept: float = -1.51
     usual_agreement: float = 0.4
     confirmed: float = 0.7
     doubted: float = 0.6
@@ -121,8 +128,13 @@ class RecoveryConfig:
             ordinary frames: with 10, a frame without the object costs less than five in the end.
         max_milliseconds: time that the search for a lost object may take of each frame, instead of
             a whole search at intervals; it goes on from frame to frame, in the picture that it
-            began with. None finishes a search in its frame, so that the same video always gives the
-            same poses.
+            began with, and what it finds is followed from there to the present frame. Objects share
+            it. None finishes a search in its frame, so that the same video always gives the same
+            poses.
+        frames_kept: frames that are kept, at most, while such a search goes on; of more of them
+            every second one. More of them are safer to follow, and take longer.
+        stride: frames from one in which the object is then followed to the next: each may take
+            longer than a new frame takes to come.
         half_turn_frames: after an object was found, it is compared in so many frames with itself
             turned by half (upside down, back to front), and followed on as what is more likely; 0
             never.
@@ -137,6 +149,8 @@ class RecoveryConfig:
     first_interval: int = 2
     interval: int = 10
     max_milliseconds: float | None = None
+    frames_kept: int = 24
+    stride: int = 2
     half_turn_frames: int = 4
     half_turn_interval: int = 5
     half_turn_evidence: float = 0.5
@@ -148,6 +162,11 @@ class RecoveryConfig:
             raise InputError(
                 "RecoveryConfig: first_interval, interval and near_candidates must be 1 or more, "
                 f"found {self.first_interval}, {self.interval} and {self.near_candidates}."
+            )
+        if min(self.frames_kept, self.stride) < 1:
+            raise InputError(
+                "RecoveryConfig: frames_kept and stride must be 1 or more, found "
+                f"{self.frames_kept} and {self.stride}."
             )
         if self.half_turn_interval < 1 or min(self.half_turn_frames, self.half_turn_evidence) < 0:
             raise InputError(

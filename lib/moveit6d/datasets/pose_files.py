@@ -28,7 +28,8 @@ from ..io import check_writable, read_text, replacing, write_all
 ROTATION_COLUMNS = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
 POSE_COLUMNS = (*ROTATION_COLUMNS, "tx", "ty", "tz")
 TRACK_COLUMNS = (
-    "frame", "image", *POSE_COLUMNS, "steps", "stopped_by", "confidence", "milliseconds", "state",
+    "frame", "image", *POSE_COLUMNS, "steps", "stopped_by", "confidence", "probability",
+    "milliseconds", "state",
 )  # fmt: skip
 # A benchmark's result: one such file a sequence.
 RESULT_COLUMNS = ("frame", *POSE_COLUMNS, "milliseconds")
@@ -40,7 +41,8 @@ class PoseRow:
 
     `pose` is None for a frame without a pose; `object` names the object where a file holds
     several; `reset` says that the pose was set to the truth after this frame; `state` is the
-    tracker's: tracking, uncertain or lost.
+    tracker's: tracking, uncertain or lost. `confidence` is the network's own in tracks,
+    `probability` that the pose is right (`TrackingResult`).
     """
 
     frame: int
@@ -53,6 +55,7 @@ class PoseRow:
     reset: bool = False
     object: str = ""
     state: str = ""
+    probability: float | None = None
 
 
 def track_columns(objects: int) -> tuple[str, ...]:
@@ -77,8 +80,9 @@ class PoseWriter:
 
     Use as a context manager. The first row takes the place of an older file; from then on whatever
     ends the program (the end of the video, a signal, a full disk, `kill -9`) leaves whole rows. No
-    row, no change. `resume` goes on behind the whole rows of a file that is there. Constant
-    memory. `columns` chooses and orders the columns.
+    row, no change. `resume` goes on behind the whole rows of a file that is there, with its
+    columns: an earlier version wrote fewer. Constant memory. `columns` chooses and orders the
+    columns.
     """
 
     def __init__(
@@ -94,9 +98,14 @@ class PoseWriter:
         check_writable(self.path)
         if self.resume and self.path.is_file():
             self._file = self.path.open("r+b", buffering=0)
-            self._end = self._file.read().rfind(b"\n") + 1
+            content = self._file.read()
+            self._end = content.rfind(b"\n") + 1
             self._file.truncate(self._end)
             self._file.seek(self._end)
+            first = content[: content.find(b"\n") + 1].decode("utf-8", errors="replace")
+            there = tuple(column.strip() for column in first.split(","))
+            if set(there) <= set(self.columns):
+                self.columns = there
         return self
 
     def write(self, row: PoseRow) -> None:
@@ -236,6 +245,7 @@ def _read_row(row: Mapping[str, str | None], where: str, center: Callable[[str],
         reset=bool(_optional(row.get("reset"), f"{where}: reset") or 0),
         object=row.get("object") or "",
         state=row.get("state") or "",
+        probability=_finite(row.get("probability"), f"{where}: probability"),
     )
 
 

@@ -26,6 +26,7 @@ from .video import FrameSource, ImageList, Prefetched, image_files, open_frames
 MESH_NAMES = tuple(
     f"{stem}.{suffix}" for stem in ("mesh", "model") for suffix in ("glb", "ply", "obj", "stl")
 )
+OWN_FILES = ("camera.json", "poses.csv", "start.json")
 VIDEO_NAMES = ("video.mp4", "video.avi", "video.mkv", "video.mov")
 VIDEO_FRAME = re.compile(r"#\d{6,}$")  # how `open_frames` calls the frames of a video
 
@@ -67,10 +68,21 @@ class Sequence:
         return stem if stem and number.isdecimal() else self.name
 
     @property
+    def image_paths(self) -> tuple[Path, ...]:
+        """The image files in order; empty where the frames are a video."""
+        return self.images if self.images is not None else image_files(open_frames(self.frames))
+
+    @property
     def image_names(self) -> list[str]:
         """The image files' names in order, without suffix; empty where the frames are a video."""
-        listed = self.images if self.images is not None else image_files(open_frames(self.frames))
-        return [path.stem for path in listed]
+        return [path.stem for path in self.image_paths]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that it is read from: frames, mesh, points, and its own ones in `folder`."""
+        own = (self.folder / name for name in OWN_FILES)
+        points = () if self.points is None else (self.points,)
+        return (*own, self.mesh, *points, *(self.image_paths or (self.frames,)))
 
     def load_mesh(self) -> Mesh:
         """The object's mesh, read anew at each call."""

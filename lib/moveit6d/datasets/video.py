@@ -194,6 +194,7 @@ class ImageList:
         self.paths = tuple(map(Path, paths))
         self.length: int | None = len(self.paths)
         self.depth = BitDepth()
+        self._last: tuple[tuple[int, int], VideoFrame] | None = None
 
     def __iter__(self) -> Iterator[VideoFrame]:
         looked = bool(self.depth.bits)
@@ -207,12 +208,16 @@ class ImageList:
             yield frame
 
     def frame(self, index: int) -> VideoFrame:
-        """The frame of that number."""
+        """The frame of that number; the last one is kept, and not decoded again."""
+        if self._last is not None and self._last[0] == (index, self.depth.bits):
+            return self._last[1]
         path = self.paths[index]
         try:
-            return VideoFrame(index, path.name, read_image(path, self.depth))
+            frame = VideoFrame(index, path.name, read_image(path, self.depth))
         except InputError as error:
-            return VideoFrame(index, path.name, None, str(error))
+            frame = VideoFrame(index, path.name, None, str(error))
+        self._last = (index, self.depth.bits), frame
+        return frame
 
 
 class ImageFolder(ImageList):

@@ -173,13 +173,8 @@ def _read_scene(
     path: Path, scene: int, names: tuple[str, ...], keyframes: list[int] | None
 ) -> list[Sequence]:
     folder = path / "data" / f"{scene:04d}"
-    images = sorted(p for s in ("png", "jpg") for p in folder.glob(f"*-color.{s}"))
-    if not images:
-        raise InputError(f"{folder} holds no image; looked for 000001-color.png.")
+    images = _images(folder)
     found: dict[int, dict[int, NDArray[np.float64]]] = {}
-    odd = next((image for image in images if not image.name[:6].isdecimal()), None)
-    if odd is not None:
-        raise InputError(f"{odd}: images are called 000001-color.png, with six digits.")
     place = {int(image.name[:6]): index for index, image in enumerate(images)}
     for index, image in enumerate(images):
         meta = image.with_name(f"{image.name[:6]}-meta.mat")
@@ -217,6 +212,23 @@ def _read_scene(
             )
         )
     return sequences
+
+
+def _images(folder: Path) -> list[Path]:
+    """The images of a scene in the order of their numbers.
+
+    One that is missing but has a -meta.mat keeps its place, as a frame with an error.
+    """
+    there = sorted(p for s in ("png", "jpg") for p in folder.glob(f"*-color.{s}"))
+    if not there:
+        raise InputError(f"{folder} holds no image; looked for 000001-color.png.")
+    odd = next((image for image in there if not image.name[:6].isdecimal()), None)
+    if odd is not None:
+        raise InputError(f"{odd}: images are called 000001-color.png, with six digits.")
+    known = {path.name[:6] for path in folder.glob("[0-9]" * 6 + "-meta.mat")}
+    missing = known - {image.name[:6] for image in there}
+    suffix = there[0].suffix
+    return sorted([*there, *(folder / f"{number}-color{suffix}" for number in missing)])
 
 
 def _camera(images: List[Path], scene: int) -> Camera:

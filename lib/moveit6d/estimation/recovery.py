@@ -10,13 +10,15 @@ from dataclasses import replace
 
 from ..config import RecoveryConfig
 from ..frame import Frame
+from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from .detection import Detection, PoseDetector, SearchRegion
-from .detection.steps import Steps, within
+from .catch_up import CatchUp
+from .detection import PoseDetector, SearchRegion
+from .detection.steps import within
 from .half_turns import HalfTurnCheck
 from .results import StopReason, TrackingResult
 from .second_look import SecondLook
-from .states import StateMachine, TrackingState, probability_of
+from .states import StateMachine, TrackingState
 
 LOST = "The object is lost."
 
@@ -41,7 +43,7 @@ class Supervisor:
         self.detector, self.config, self.look = detector, config, look
         begin = TrackingState.TRACKING if found else TrackingState.LOST
         self.machine = StateMachine(config.states, begin)
-        self._steps: Steps | None = None
+        self._search: CatchUp | None = None
         self._first_interval = min(config.first_interval, config.interval)
         self._waiting, self._interval = 0, self._first_interval
         self._near = found
@@ -57,13 +59,19 @@ class Supervisor:
         self.machine.state = TrackingState(state)
         self._near = self._near or self.machine.state is TrackingState.TRACKING
 
-    def assessed(self, result: TrackingResult, agreement: float) -> TrackingResult:
-        """The result of following with its state; without its pose if the object is lost now."""
-        if result.pose is None:
-            probability = 0.0
-        else:
-            probability = probability_of(self.config.states, result.confidence, agreement)
-        state = self.machine.update(probability)
+    def assessed(
+        self, result: TrackingResult, agreement: float, mesh: Mesh | None = None
+    ) -> TrackingResult:
+        """The result of following with its probability and state.
+
+        Without its pose if the object is lost now. `mesh` is the object's; without one it is taken
+        to have colours.
+        """
+        probability = None
+        if result.pose is not None:
+            probability = self.machine.probability(result.confidence, agreement, mesh)
+        result = replace(result, state_probability=probability)
+        state = self.machine.update(probability or 0.0)
         if state is TrackingState.TRACKING:
             self._near, self._interval = True, self._first_interval
         if self.lost:
@@ -79,24 +87,39 @@ class Supervisor:
         lost = self.machine.state is TrackingState.LOST
         return _failed(error, TrackingState.LOST if lost else TrackingState.UNCERTAIN)
 
-    def search(self, frame: Frame, last: Pose | None, taken: Sequence[Pose] = ()) -> Pose | None:
+    @property
+    def searching(self) -> bool:
+        """Whether a search is under way that goes on in the next frame."""
+        return self._search is not None
+
+    def search(
+        self, frame: Frame, last: Pose | None, taken: Sequence[Pose] = (), spent: float = 0.0
+    ) -> Pose | None:
         """Go on looking; a pose (mesh file's frame) to follow the object from, once it is found.
 
         `last` is where the object was seen last, `taken` where other instances of its mesh are,
-        which are followed. The pose may be that of an earlier frame.
+        which are followed; `spent` are milliseconds that searches of other objects have taken of
+        this frame. The pose is that of the frame or of the one before.
         """
         assert self.detector is not None
-        if self._steps is None:
-            if self._waiting > 0:
-                self._waiting -= 1
-                return None
-            self._steps = self._begin(self.detector, frame, last if self._near else None, taken)
-        steps, self._steps = self._steps, None  # a generator that raises has ended
-        found = within(steps, self.config.max_milliseconds)
-        if found is None:
-            self._steps = steps
+        if self._search is None and self._waiting > 0:
+            self._waiting -= 1
             return None
-        pose = self._finished(found)
+        if self._search is not None:
+            self._search.add(frame)
+        limit = self.config.max_milliseconds
+        if limit is not None and spent > 0:
+            limit -= spent
+            if limit <= 0:
+                return None  # the other objects' turn; this one has its own in another frame
+        under_way, self._search = self._search, None  # a generator that raises has ended
+        if under_way is None:
+            under_way = self._begin(self.detector, frame, last if self._near else None, taken)
+        ended = within(under_way.steps, limit)
+        if ended is None:
+            self._search = under_way
+            return None
+        pose = self._finished(ended.found)
         # Another search may have found that instance in the meantime.
         if pose is None or not taken:
             return pose
@@ -104,25 +127,27 @@ class Supervisor:
 
     def _begin(
         self, detector: PoseDetector, frame: Frame, near: Pose | None, taken: Sequence[Pose]
-    ) -> Steps:
+    ) -> CatchUp:
         """A new search: near a pose, or in the whole image."""
         if self.config.max_milliseconds is not None:
             frame = frame.copy()  # the search goes on when the caller has the image again
         if near is None:
             region = SearchRegion(taken=tuple(taken)) if taken else None
-            return detector.steps(frame, region, most=detector.config.stages[0][0])
-        most, region = self.config.near_candidates, SearchRegion(near=near, taken=tuple(taken))
-        return detector.steps(frame, region, (near,), most=most)
+            steps = detector.steps(frame, region, most=detector.config.stages[0][0])
+        else:
+            most, region = self.config.near_candidates, SearchRegion(near=near, taken=tuple(taken))
+            steps = detector.steps(frame, region, (near,), most=most)
+        return CatchUp(detector, steps, self.config)
 
-    def _finished(self, found: Detection) -> Pose | None:
+    def _finished(self, pose: Pose | None) -> Pose | None:
         # A time limit bounds what searches cost by itself.
         self._waiting = self._interval - 1 if self.config.max_milliseconds is None else 0
         self._interval = min(2 * self._interval, self.config.interval)
         self._near = False
         self.check = HalfTurnCheck(self.config)
-        if found.pose is not None and self.look is not None:
+        if pose is not None and self.look is not None:
             self.look.was_found()
-        return found.pose
+        return pose
 
 
 def _failed(error: str, state: TrackingState) -> TrackingResult:

@@ -53,7 +53,9 @@ class TrackingResult:
     `pose` is unbatched float64 in the mesh file's frame, None if it failed, and then `error` says
     why. `confidence` in [0, 1] is the policy's probability that the pose is right; in tracks it is
     that of the pose at the end of the loop, before contour refinement moved it, and in single
-    images it is by `SingleImageConfig`. `localizability` in [0, 1]
+    images it is by `SingleImageConfig`. `probability` goes by everything that is compared: in
+    tracks it is `state_probability`, by which the states go (`StateConfig`), which is None
+    elsewhere. `localizability` in [0, 1]
     is the probability that a pose which looks right is right (`localizability`). `milliseconds`
     passed until this object was done. `contour_agreement` is the share of the contour where colours
     change sharply and in the right place, None without contour refinement; `state` is a tracker's.
@@ -73,6 +75,14 @@ class TrackingResult:
     contour_agreement: float | None = None
     state: TrackingState = TrackingState.TRACKING
     covariance: Tensor | None = None
+    state_probability: float | None = None
+
+    @property
+    def probability(self) -> float | None:
+        """That ADD(-S) is below a tenth of the diameter, in [0, 1]; None if there is no pose."""
+        if self.pose is None:
+            return None
+        return self.confidence if self.state_probability is None else self.state_probability
 
     @property
     def score(self) -> float:

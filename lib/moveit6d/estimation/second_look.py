@@ -11,8 +11,9 @@ from dataclasses import replace
 from ..config import RecoveryConfig
 from ..frame import Frame
 from ..geometry.pose import Pose
+from .catch_up import CatchUp
 from .detection import PoseDetector, SearchRegion
-from .detection.steps import Steps, within
+from .detection.steps import within
 from .refine import refine_starts
 from .results import Refined, Start
 from .states import log_odds
@@ -42,15 +43,15 @@ class SecondLook:
             store=detector.store,
             threads=detector.threads,
         )
-        self.config, self.limit = look, config.max_milliseconds
-        self._steps: Steps | None = None
+        self.config, self.recovery, self.limit = look, config, config.max_milliseconds
+        self._search: CatchUp | None = None
         self._waiting, self._unasked = 0, 0
         self._evidence = look.evidence
 
     def was_found(self) -> None:
         """The object was lost and found: look again a few times, soon, however confident."""
         self._waiting, self._unasked = self.config.interval // 2, self.config.after_found
-        self._steps = None
+        self._search = None
 
     def better(self, start: Start, confidence: float, taken: Sequence[Pose] = ()) -> Refined | None:
         """Where the loop ends from another pose nearby, if that is much likelier.
@@ -59,7 +60,7 @@ class SecondLook:
         instances of the mesh are (`taken`, mesh file's frame). Begins a search where the confidence
         is low, or where the object was found lately; it may end in a later frame.
         """
-        found = self._search(start, confidence, taken)
+        found = self._found(start, confidence, taken)
         if found is None:
             return None
         detector = self.detector
@@ -74,23 +75,24 @@ class SecondLook:
         gain = log_odds(other.confidence) - log_odds(confidence)
         return other if gain > self._evidence else None
 
-    def _search(self, start: Start, confidence: float, taken: Sequence[Pose]) -> Pose | None:
+    def _found(self, start: Start, confidence: float, taken: Sequence[Pose]) -> Pose | None:
         """The centred pose found near that of a start, if a search ends in this frame."""
         self._waiting = max(0, self._waiting - 1)
-        if self._steps is None:
-            if self._waiting or (confidence >= self.config.below and not self._unasked):
-                return None
-            near = start.mesh.outer(start.centred)
-            region = SearchRegion(near=near, taken=tuple(taken))
-            self._steps = self._begin(start.frame, region)
-        steps, self._steps = self._steps, None  # a generator that raises has ended
-        found = within(steps, self.limit)
-        if found is None:
-            self._steps = steps
+        under_way, self._search = self._search, None  # a generator that raises has ended
+        if under_way is not None:
+            under_way.add(start.frame)
+        elif self._waiting or (confidence >= self.config.below and not self._unasked):
             return None
-        return None if found.pose is None else start.mesh.inner(found.pose)
+        else:
+            near = start.mesh.outer(start.centred)
+            under_way = self._begin(start.frame, SearchRegion(near=near, taken=tuple(taken)))
+        ended = within(under_way.steps, self.limit)
+        if ended is None:
+            self._search = under_way
+            return None
+        return None if ended.found is None else start.mesh.inner(ended.found)
 
-    def _begin(self, frame: Frame, region: SearchRegion) -> Steps:
+    def _begin(self, frame: Frame, region: SearchRegion) -> CatchUp:
         """A search; and when to look the next time, and how much this one must bring."""
         config = self.config
         if self._unasked:
@@ -100,4 +102,5 @@ class SecondLook:
             self._waiting, self._evidence = config.interval, config.evidence
         if self.limit is not None:
             frame = frame.copy()  # the search goes on when the caller has the image again
-        return self.detector.steps(frame, region, most=config.stages[0][0])
+        steps = self.detector.steps(frame, region, most=config.stages[0][0])
+        return CatchUp(self.detector, steps, self.recovery)

@@ -8,8 +8,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import TypedDict
 
 from ..config import StateConfig
+from ..geometry.mesh import Mesh
 
 CERTAIN = 1e-4  # a confidence nearer to 0 or 1 says no more
 
@@ -20,6 +22,22 @@ class TrackingState(StrEnum):
     TRACKING = "tracking"  # the pose is probably right
     UNCERTAIN = "uncertain"  # there is a pose; it may be wrong
     LOST = "lost"  # no pose: the object is out of view, covered, or somewhere else
+
+
+class Event(TypedDict):
+    """A state that lasted from one frame to another."""
+
+    state: str
+    first: int
+    last: int
+
+
+def add_event(events: list[Event], state: str, frame: int) -> None:
+    """Take note of a frame's state: it lengthens the last of the events or begins another."""
+    if events and events[-1]["state"] == state:
+        events[-1]["last"] = frame
+    else:
+        events.append({"state": state, "first": frame, "last": frame})
 
 
 def log_odds(confidence: float) -> float:
@@ -33,10 +51,21 @@ def from_log_odds(value: float) -> float:
     return 1 / (1 + math.exp(-value))
 
 
-def probability_of(config: StateConfig, confidence: float, agreement: float) -> float:
-    """That a pose is right, by the network's confidence and the contour's agreement, in [0, 1]."""
+def probability_of(
+    config: StateConfig, confidence: float, agreement: float, coloured: bool = True
+) -> float:
+    """That a pose is right, by the network's confidence and the contour's agreement, in [0, 1].
+
+    `coloured` says whether the mesh has colours (`Mesh.has_colours`).
+    """
+    if coloured:
+        return from_log_odds(
+            config.intercept + config.confidence * confidence + config.agreement * agreement
+        )
     return from_log_odds(
-        config.intercept + config.confidence * confidence + config.agreement * agreement
+        config.uncoloured_intercept
+        + config.uncoloured_confidence * log_odds(confidence)
+        + config.uncoloured_agreement * agreement
     )
 
 
@@ -53,6 +82,13 @@ class StateMachine:
     state: TrackingState = TrackingState.TRACKING
     _rejected: int = 0
     _confirmed: int = 0
+    _coloured: bool | None = None  # whether the mesh has colours, once that is known
+
+    def probability(self, confidence: float, agreement: float, mesh: Mesh | None) -> float:
+        """`probability_of` the pose of an object with this mesh, which is looked at once."""
+        if self._coloured is None and mesh is not None:
+            self._coloured = mesh.has_colours  # looks at the whole texture
+        return probability_of(self.config, confidence, agreement, self._coloured is not False)
 
     def update(self, probability: float) -> TrackingState:
         """The state in the next frame, in which the pose is right with this probability.

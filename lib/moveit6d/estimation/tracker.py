@@ -38,6 +38,7 @@ from .results import Refined, Start, TrackingResult, timed
 from .second_look import SecondLook
 from .states import TrackingState
 from .track_state import TrackState
+from .turns import SearchTurns
 from .visibility import check_start
 
 DEFAULT = TrackerConfig()
@@ -130,6 +131,7 @@ class PoseTracker(Generic[Results]):
         self.renderer = renderer_of(renderer)
         self.store = store or TemplateStore()
         self._same = same_meshes(self.meshes)
+        self._turns = SearchTurns(self.config.recovery, self._same)
         self.tracks: list[TrackState] = []
         self.supervisors: list[Supervisor] = []
         self.reset(start)
@@ -228,8 +230,8 @@ class PoseTracker(Generic[Results]):
             return [timed(supervisor.unread(str(error)), begin) for supervisor in self.supervisors]
         objects = range(len(self.tracks))
         followed = [number for number in objects if not self.supervisors[number].lost]
-        for number in objects:
-            if self.supervisors[number].lost and self._is_found(frame, number, followed):
+        for number, spent in self._turns.of_frame(self.supervisors):
+            if self._is_found(frame, number, followed, spent):
                 followed.append(number)
         followed.sort()
         refined = dict(zip(followed, self._refine(frame, followed), strict=True))
@@ -243,11 +245,11 @@ class PoseTracker(Generic[Results]):
             for number in objects
         ]
 
-    def _is_found(self, frame: Frame, number: int, followed: Sequence[int]) -> bool:
+    def _is_found(self, frame: Frame, number: int, followed: Sequence[int], spent: float) -> bool:
         """Look for a lost object; whether it is to be followed now, from where it was found."""
         supervisor, track = self.supervisors[number], self.tracks[number]
         last, taken = track.mesh.outer(track.last_confident), self._taken(number, followed)
-        found = supervisor.search(frame, last, taken)
+        found = supervisor.search(frame, last, taken, spent)
         if found is None:
             return False
         self._begin_again(number, track.mesh.inner(found.to(torch.float64)), track.keyframes)
@@ -381,7 +383,7 @@ class PoseTracker(Generic[Results]):
         agreement = result.contour_agreement
         if agreement is None:
             agreement = self.config.recovery.states.usual_agreement
-        assessed = supervisor.assessed(result.result(track.mesh), agreement)
+        assessed = supervisor.assessed(result.result(track.mesh), agreement, track.mesh)
         if assessed.state is TrackingState.TRACKING:
             track.update_histograms(histograms)
             self._remember(frame, track, assessed.confidence)

@@ -44,14 +44,19 @@ def motion_costs(
     renderer: Renderer,
     seed: int,
     config: TrackerConfig = DEFAULT,
+    threads: int | None = 1,
 ) -> Iterator[MotionCost]:
-    """Track one object in made sequences of increasing speed, each from its exact start."""
+    """Track one object in made sequences of increasing speed, each from its exact start.
+
+    With so many CPU threads; None: as many as the program has set.
+    """
     for speed in speeds:
         scene = Scene(mesh, seed, frames, _moving(speed))
         first = scene.render_frame(0)
         tracker = PoseTracker(
-            mesh, scene.camera, first.pose, policy=policy, renderer=renderer, config=config
-        )
+            mesh, scene.camera, first.pose, policy=policy, renderer=renderer, config=config,
+            threads=threads,
+        )  # fmt: skip
         if config.calibration.enabled:
             tracker.calibrate(first.image)
         results = [tracker.update(scene.render_frame(k).image) for k in range(1, frames)]

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import random
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,8 @@ from ..config import TrackerConfig
 from ..datasets.pose_files import PoseRow
 from ..datasets.video import VideoFrame
 from ..errors import InputError
-from ..estimation.states import TrackingState
+from ..estimation.recovery import LOST
+from ..estimation.states import Event, TrackingState, add_event
 from .metrics import LOST_RUN
 
 if TYPE_CHECKING:
@@ -101,14 +102,27 @@ def _step(frame: VideoFrame, result: TrackingResult, name: str) -> TrackedFrame:
         milliseconds=None if unread else result.milliseconds,
         object=name,
         state=str(result.state),
+        probability=None if failed else result.probability,
     )
     return TrackedFrame(frame, row, error if failed else None)
+
+
+def _says_lost(error: str) -> bool:
+    """Whether a reason only says what the state says; resumed tracks write it in lower case."""
+    return error.casefold() == LOST.casefold()
+
+
+def failures_in(content: Mapping[str, Any]) -> dict[int, str]:
+    """Why frames have no pose, by frame: what a file of facts says under `failures`."""
+    return {int(one["frame"]): str(one["error"]) for one in content.get("failures", ())}
 
 
 @dataclass
 class TrackSummary:
     """What a report says of a track, gathered frame by frame in little memory.
 
+    `lost_from` is the first frame in which the object is lost; of a track without states the first
+    of so many without a confident pose that it may be.
     Of more than `KEPT_EVENTS` events the last are kept, of more than `KEPT_TIMES` times a random
     choice, from which the median is.
     """
@@ -116,7 +130,7 @@ class TrackSummary:
     frames: int = 0
     failed: int = 0
     states: dict[str, int] = field(default_factory=dict)
-    events: list[dict[str, object]] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
     failures: list[dict[str, object]] = field(default_factory=list)
     milliseconds: array[float] = field(default_factory=lambda: array("d"))
     lost_from: int | None = None
@@ -127,7 +141,8 @@ class TrackSummary:
 
     def add(self, step: TrackedFrame) -> None:
         """Take note of one more frame."""
-        if step.error is not None and len(self.failures) < KEPT_FAILURES:
+        told = step.error is None or _says_lost(step.error)
+        if not told and len(self.failures) < KEPT_FAILURES:
             self.failures.append({"frame": step.frame.index, "error": step.error})
         self.add_row(step.row)
 
@@ -139,8 +154,14 @@ class TrackSummary:
         if row.milliseconds is not None:
             self._add_time(row.milliseconds)
         self._low_confidence_run = 0 if is_confident(row) else self._low_confidence_run + 1
-        if self._low_confidence_run == LOST_RUN and self.lost_from is None:
-            self.lost_from = row.frame - LOST_RUN + 1
+        if self.lost_from is None:
+            self.lost_from = self._lost_from(row)
+
+    def _lost_from(self, row: PoseRow) -> int | None:
+        """Where the object is lost from, if this frame says so."""
+        if row.state:
+            return row.frame if row.state == TrackingState.LOST else None
+        return row.frame - LOST_RUN + 1 if self._low_confidence_run == LOST_RUN else None
 
     def _add_time(self, milliseconds: float) -> None:
         """Keep a time, or let it take the place of another: each has the same chance to stay."""
@@ -154,18 +175,15 @@ class TrackSummary:
     def _add_state(self, state: str, frame: int) -> None:
         """Count the state, and lengthen the event that it belongs to or begin one."""
         self.states[state] = self.states.get(state, 0) + 1
-        if self.events and self.events[-1]["state"] == state:
-            self.events[-1]["last"] = frame
-        else:
-            self.events.append({"state": state, "first": frame, "last": frame})
-            if len(self.events) > KEPT_EVENTS:
-                del self.events[0]
+        add_event(self.events, state, frame)
+        if len(self.events) > KEPT_EVENTS:
+            del self.events[0]
 
     def facts(self) -> dict[str, object]:
         """As summary.json has it.
 
-        `states` are numbers of frames, `events` says from which frame to which each state lasted;
-        `lost_from_frame` is a guess from the confidence, or null.
+        `states` are numbers of frames, `events` says from which frame to which each state lasted.
+        `failures` do not say again in which frames the object is lost.
         """
         times = self.milliseconds
         return {
@@ -176,5 +194,5 @@ class TrackSummary:
             "mean_milliseconds": self._total_milliseconds / self._timed if times else None,
             "median_milliseconds": float(np.median(times)) if times else None,
             "lost_from_frame": self.lost_from,
-            "failures": self.failures,
+            "failures": [one for one in self.failures if not _says_lost(str(one["error"]))],
         }

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from ..checks import reading
 from ..config import TrackerConfig
 from ..datasets.pose_files import RESULT_COLUMNS, PoseRow, PoseWriter, write_poses
 from ..datasets.sequences import Sequence as Video
@@ -20,7 +21,7 @@ from ..datasets.video import VideoFrame
 from ..io import read_json, write_json
 from ..parallel import JobResult, run_jobs
 from .protocols import NO_RESET, Protocol, follow_protocol
-from .run_tracker import TrackedFrame, calibrating
+from .run_tracker import TrackedFrame, calibrating, failures_in
 from .track_scores import read_track
 
 if TYPE_CHECKING:
@@ -58,10 +59,14 @@ Job = TypeVar("Job", bound=TrackJob)
 
 @dataclass(frozen=True)
 class Tracked:
-    """What came out: rows by frame, and the text of a page if there was to be one."""
+    """What came out: rows by frame, and the text of a page if there was to be one.
+
+    `failures` say why frames have no pose.
+    """
 
     rows: dict[int, PoseRow]
     page: str | None = None
+    failures: Mapping[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -101,23 +106,29 @@ class TrackStore:
         """Where a job's track is."""
         return self.folder / f"{job.sequence.name}{suffix}"
 
-    def read(self, job: TrackJob) -> dict[int, PoseRow] | None:
-        """The rows of a whole track that was made with the same settings, else None."""
+    def read(self, job: TrackJob) -> Tracked | None:
+        """A whole track that was made with the same settings, else None."""
         table, mark = self.file(job), self.file(job, ".json")
         if not (table.exists() and mark.exists()):
             return None
-        same = read_json(mark).get("settings") == dict(job.settings)
-        return read_track(table, job.sequence.load_mesh) if same else None
+        content = read_json(mark)
+        if content.get("settings") != dict(job.settings):
+            return None
+        with reading(mark):
+            failures = failures_in(content)
+        return Tracked(read_track(table, job.sequence.load_mesh), failures=failures)
 
     def begin(self, job: TrackJob) -> None:
-        """Take the mark away: an older one must not vouch for half of a new track."""
-        self.file(job, ".json").unlink(missing_ok=True)
+        """Take an older track away: it must not be taken for a new one that ends early."""
+        for suffix in (".json", ".csv"):
+            self.file(job, suffix).unlink(missing_ok=True)
 
     def finish(self, job: TrackJob, tracked: Tracked, facts: Mapping[str, Any]) -> None:
         """Write the mark, with `facts` that are worth knowing later."""
         missing = sum(row.pose is None for row in tracked.rows.values())
-        summary = {"frames": len(tracked.rows), "failed": missing, "settings": dict(job.settings)}
-        write_json(self.file(job, ".json"), {**summary, **facts})
+        failures = [{"frame": k, "error": text} for k, text in tracked.failures.items()]
+        summary = {"frames": len(tracked.rows), "failed": missing, "failures": failures}
+        write_json(self.file(job, ".json"), {**summary, "settings": dict(job.settings), **facts})
 
 
 def run_all(
@@ -140,9 +151,9 @@ def run_all(
     """
     waiting = []
     for job in jobs:
-        rows = store.read(job) if store is not None and resume else None
-        if rows is not None:
-            yield Finished(job, Tracked(rows), kept=True)
+        kept = store.read(job) if store is not None and resume else None
+        if kept is not None:
+            yield Finished(job, kept, kept=True)
             continue
         waiting.append(job)
 

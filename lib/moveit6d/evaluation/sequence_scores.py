@@ -26,17 +26,19 @@ def scored_truth(
 ) -> dict[int, Pose]:
     """The true poses that a track is scored against: the first, and those of the frames that count.
 
-    Only the sequence's keyframes count, where it has any; frames whose pose a protocol gave count
-    only with `count_resets`, as their error is 0 by definition. A track that says of which images
-    it is may be of the later part of the sequence: it is scored from its first row on.
+    The first frame's pose was given and is not scored; where the truth is not known there, the
+    start stands for it. Only the sequence's keyframes count, where it has any; frames whose pose a
+    protocol gave count only with `count_resets`, as their error is 0 by definition. A track that
+    says of which images it is may be of the later part of the sequence: it is scored from its first
+    row on.
     """
     keys, given = sequence.keyframes, {frame for frame, row in rows.items() if is_given(row)}
     begin = min(rows) if any(row.image for row in rows.values()) else 0
-    truth = {frame: pose for frame, pose in sequence.truth.items() if frame >= begin}
-    first = min(truth, default=begin)
+    first = max(begin, sequence.first)
+    later = {frame: pose for frame, pose in sequence.truth.items() if frame >= first}
     return {
         frame: pose
-        for frame, pose in truth.items()
+        for frame, pose in ({first: sequence.start} | later).items()
         if frame == first
         or ((keys is None or frame in keys) and (count_resets or frame not in given))
     }
@@ -44,14 +46,14 @@ def scored_truth(
 
 def gaps(sequence: Sequence, rows: Mapping[int, PoseRow]) -> list[str]:
     """What is to be known of a track that does not have a row for every frame with a true pose."""
-    truth = scored_truth(sequence, rows, count_resets=True)
-    before = sum(frame < min(truth, default=0) for frame in sequence.truth)
-    absent = len(truth.keys() - rows.keys())
+    first, *frames = sorted(scored_truth(sequence, rows, count_resets=True))
+    before = sum(frame < first for frame in sequence.truth)
+    absent = len({*frames} - rows.keys())
     said = []
     if before:
         said.append(f"its track begins with frame {min(rows)}; the frames before are not scored")
     if absent:
-        said.append(f"{absent} of {len(truth)} frames have no row in its track and count as wrong")
+        said.append(f"{absent} of {len(frames)} frames have no row in its track and count as wrong")
     return said
 
 

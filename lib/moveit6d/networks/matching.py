@@ -91,7 +91,8 @@ def warp_cells(features: Tensor, displacement: Tensor, stride: int) -> Tensor:
     Displacements in patch pixels, cells of `stride` pixels.
     """
     cells = features.shape[-1]
-    line = torch.arange(cells, device=features.device) * stride + (stride - 1) / 2
+    line = torch.arange(cells, dtype=displacement.dtype, device=features.device)
+    line = line * stride + (stride - 1) / 2
     y, x = torch.meshgrid(line, line, indexing="ij")
     places = torch.stack([x, y], -1) + displacement.permute(0, 2, 3, 1)
     grid = (places + 0.5) * (2 / (cells * stride)) - 1

@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 
 from ..checks import DAMAGE
 from ..errors import WeightsError
@@ -49,11 +49,22 @@ def save_network(network: PoseNet, path: Path, facts: dict[str, str] | None = No
         "config": json.dumps(dataclasses.asdict(network.config)),
     }
     tensors = {name: value.contiguous() for name, value in network.state_dict().items()}
+    content = _in_order(save(tensors, header))
     with replacing(path) as temporary:
-        try:
-            save_file(tensors, temporary, header)
-        except SafetensorError as error:  # a full disk is one of its own errors
-            raise OSError(" ".join(str(error).split())) from error
+        temporary.write_bytes(content)
+
+
+def _in_order(content: bytes) -> bytes:
+    """A safetensors file with its facts sorted, which come in another order each time.
+
+    So the same network is the same file, and has the same SHA-256.
+    """
+    end = 8 + int.from_bytes(content[:8], "little")
+    header = json.loads(content[8:end])
+    header["__metadata__"] = dict(sorted(header["__metadata__"].items()))
+    text = json.dumps(header, separators=(",", ":"), ensure_ascii=False).encode()
+    text += b" " * (-len(text) % 8)  # tensors begin at a multiple of eight
+    return len(text).to_bytes(8, "little") + text + content[end:]
 
 
 def load_network(path: Path) -> LoadedNetwork:
@@ -77,7 +88,7 @@ def load_network(path: Path) -> LoadedNetwork:
     network_class, config_class = KINDS[header["kind"]]
     try:
         config = _config(header, config_class, sum(value.numel() for value in tensors.values()))
-        network = network_class(config)
+        network = network_class(config).float()  # whatever the program's default type is
         network.load_state_dict(tensors)
     except (*DAMAGE, RuntimeError, MemoryError) as error:
         reason = " ".join(str(error).split())[:160] or type(error).__name__

@@ -67,17 +67,17 @@ def _gpu_kernels() -> Run:
         here = torch.cuda.current_stream().cuda_stream  # 0: the default one, CuPy's as well
         with cupy.cuda.ExternalStream(here) if here else nullcontext():
             rasterize(
-                (-(-bank.faces // THREADS), batch), (THREADS,),
-                _pointers(cupy, bank.corners, bank.meta, slots, pose, lens, nearest)
-                + (cupy.int32(bank.faces), cupy.int32(size)),
+                (-(-bank.most_faces // THREADS), batch), (THREADS,),
+                _pointers(cupy, bank.corners, bank.places, bank.meta, slots, pose, lens, nearest)
+                + (cupy.int32(size),),
             )  # fmt: skip
             resolve(
                 (-(-pixels // THREADS), batch), (THREADS,),
                 _pointers(
-                    cupy, bank.corners, bank.values, bank.meta, bank.measures, bank.levels,
-                    bank.texels, slots, pose, lens, nearest, albedo, normal, depth,
+                    cupy, bank.corners, bank.values, bank.places, bank.meta, bank.measures,
+                    bank.levels, bank.texels, slots, pose, lens, nearest, albedo, normal, depth,
                 )
-                + (cupy.int32(bank.faces), cupy.int32(bank.texel_capacity), cupy.int32(size)),
+                + (cupy.int32(size),),
             )  # fmt: skip
 
     return run

@@ -13,6 +13,7 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from threading import Lock
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -35,6 +36,7 @@ HELP = (
     "On Debian or Ubuntu install libegl1 and libgl1 (EGL, with or without a graphics card), or "
     "libosmesa6. The default renderer, embree, needs none of them."
 )
+_LOCK = Lock()  # threads take turns: there is one OpenGL context
 Arrays = tuple[NDArray[np.uint8], Float32, Float32]
 
 
@@ -58,10 +60,11 @@ class PyrenderRenderer:
     ) -> GBuffer:
         """One patch for each mesh; see `Renderer`."""
         check_batch(meshes, poses, intrinsics, size)
-        kept = set(self._nodes.values())
-        for node in self._scene.mesh_nodes - kept:  # their meshes are gone
-            self._scene.remove_node(node)
-        return gather(self._render_one, meshes, poses, intrinsics, size)
+        with _LOCK:
+            kept = set(self._nodes.values())
+            for node in self._scene.mesh_nodes - kept:  # their meshes are gone
+                self._scene.remove_node(node)
+            return gather(self._render_one, meshes, poses, intrinsics, size)
 
     def _render_one(
         self,
@@ -133,7 +136,10 @@ class PyrenderRenderer:
         offscreen = self._offscreen
         offscreen.viewport_width = offscreen.viewport_height = size
         with _environment(self.platform), _one_sample():
-            colour, depth = offscreen.render(self._scene, self._pyrender.RenderFlags.FLAT)
+            try:
+                colour, depth = offscreen.render(self._scene, self._pyrender.RenderFlags.FLAT)
+            finally:
+                _leave(offscreen)
         return colour, depth
 
 
@@ -178,12 +184,24 @@ def _open() -> tuple[Any, str]:
 
             if platform == "osmesa":
                 _complete_osmesa()
-            return pyrender.OffscreenRenderer(PATCH_SIZE, PATCH_SIZE), platform
+            offscreen = pyrender.OffscreenRenderer(PATCH_SIZE, PATCH_SIZE)
+            _leave(offscreen)
+            return offscreen, platform
     except Exception as error:  # missing libraries and drivers fail in a hundred ways
         raise RenderingUnavailable(
             f"The pyrender renderer found no OpenGL through {platform} "
             f"({type(error).__name__}: {error}). {HELP}"
         ) from error
+
+
+def _leave(offscreen: Any) -> None:
+    """Free an EGL context from this thread, so that another one may draw; pyrender keeps it."""
+    display = getattr(offscreen._platform, "_egl_display", None)
+    if display is not None:
+        from OpenGL import EGL
+
+        nothing = EGL.EGL_NO_SURFACE
+        EGL.eglMakeCurrent(display, nothing, nothing, EGL.EGL_NO_CONTEXT)
 
 
 def _platform() -> str:

@@ -1,10 +1,12 @@
 // Rasterises many meshes into small patches: nearest face of each pixel, then its normal and colour.
 // Compiled at run time for a GPU (cuda_renderer.py), and by a C++ compiler for tests without one.
 //
-// corners (S, F, 9): three corners of each face, centred frame. values (S, F, 18): at each corner a
-// normal and three numbers, which are texture coordinates u, v and 0, or red, green and blue in 0..255.
+// Of all meshes, one behind the other: corners (F, 9): three corners of each face, centred frame.
+// values (F, 18): at each corner a normal and three numbers, which are texture coordinates u, v and 0,
+// or red, green and blue in 0..255. texels (T, 3). places (S, 2): a mesh's first face and first texel.
 // meta (S, 4): faces, levels of the texture (0: colours are those of the corners), 1 if it repeats, -.
-// measures (S, 2): texels a metre, radius. levels (S, 12, 3): first texel, height, width of each level.
+// measures (S, 2): texels a metre, radius. levels (S, 12, 3): first texel (of the mesh's), height, width of
+// each level.
 // pose (B, 12): rotation by rows, translation. camera (B, 4): fx, fy, cx, cy.
 
 #ifdef __CUDACC__
@@ -57,13 +59,13 @@ __device__ inline void shares(const Projected& p, float x, float y, float* s) {
     s[2] = 1.0f - s[0] - s[1];
 }
 
-KERNEL rasterize(const float* corners, const int* meta, const long long* mesh, const float* pose,
-                 const float* camera, unsigned long long* nearest, int capacity, int size) {
+KERNEL rasterize(const float* corners, const long long* places, const int* meta, const long long* mesh,
+                 const float* pose, const float* camera, unsigned long long* nearest, int size) {
     int f = blockIdx.x * blockDim.x + threadIdx.x, b = blockIdx.y;
     long long slot = mesh[b];
     if (f >= meta[4 * slot]) return;
     Projected p;
-    if (!project(corners + (slot * capacity + f) * 9, pose + 12 * b, camera + 4 * b, &p)) return;
+    if (!project(corners + (places[2 * slot] + f) * 9, pose + 12 * b, camera + 4 * b, &p)) return;
     float left = p.u[0], right = p.u[0], top = p.v[0], bottom = p.v[0];
     for (int k = 1; k < 3; ++k) {
         left = p.u[k] < left ? p.u[k] : left; right = p.u[k] > right ? p.u[k] : right;
@@ -97,17 +99,17 @@ __device__ inline void texel(const unsigned char* picture, int height, int width
     for (int k = 0; k < 3; ++k) rgb[k] += share * at[k];
 }
 
-KERNEL resolve(const float* corners, const float* values, const int* meta, const float* measures,
-               const int* levels, const unsigned char* texels, const long long* mesh, const float* pose,
-               const float* camera, const unsigned long long* nearest, float* albedo, float* normal,
-               float* depth, int capacity, int texel_capacity, int size) {
+KERNEL resolve(const float* corners, const float* values, const long long* places, const int* meta,
+               const float* measures, const int* levels, const unsigned char* texels, const long long* mesh,
+               const float* pose, const float* camera, const unsigned long long* nearest, float* albedo,
+               float* normal, float* depth, int size) {
     int pixel = blockIdx.x * blockDim.x + threadIdx.x, b = blockIdx.y;
     int area = size * size;
     if (pixel >= area) return;
     unsigned long long key = nearest[(long long)b * area + pixel];
     if (key == ~0ull) return;  // outputs are zero already
     long long slot = mesh[b];
-    long long face = slot * capacity + (unsigned)(key & 0xffffffffu);
+    long long face = places[2 * slot] + (unsigned)(key & 0xffffffffu);
     const float* turn = pose + 12 * b;
     const float* lens = camera + 4 * b;
     Projected p;
@@ -144,7 +146,7 @@ KERNEL resolve(const float* corners, const float* values, const int* meta, const
         const int* one = levels + (slot * 12 + level) * 3;
         int height = one[1], width = one[2];
         bool repeats = about[2] > 0;
-        const unsigned char* picture = texels + slot * texel_capacity * 3 + 3 * (long long)one[0];
+        const unsigned char* picture = texels + 3 * (places[2 * slot + 1] + one[0]);
         float u = value[3], v = value[4];
         if (repeats) { u -= floorf(u); v -= floorf(v); }
         float tx = u * width - 0.5f, ty = (1 - v) * height - 0.5f;
@@ -165,18 +167,19 @@ KERNEL resolve(const float* corners, const float* values, const int* meta, const
 }
 
 #ifndef __CUDACC__
-extern "C" void run(const float* corners, const float* values, const int* meta, const float* measures,
-                    const int* levels, const unsigned char* texels, const long long* mesh, const float* pose,
-                    const float* camera, unsigned long long* nearest, float* albedo, float* normal, float* depth,
-                    int capacity, int texel_capacity, int size, int batch) {
+extern "C" void run(const float* corners, const float* values, const long long* places, const int* meta,
+                    const float* measures, const int* levels, const unsigned char* texels,
+                    const long long* mesh, const float* pose, const float* camera,
+                    unsigned long long* nearest, float* albedo, float* normal, float* depth, int size,
+                    int batch) {
     blockDim.x = 1; threadIdx.x = 0;
     for (blockIdx.y = 0; blockIdx.y < batch; ++blockIdx.y) {
         int faces = meta[4 * mesh[blockIdx.y]];
         for (blockIdx.x = 0; blockIdx.x < faces; ++blockIdx.x)
-            rasterize(corners, meta, mesh, pose, camera, nearest, capacity, size);
+            rasterize(corners, places, meta, mesh, pose, camera, nearest, size);
         for (blockIdx.x = 0; blockIdx.x < size * size; ++blockIdx.x)
-            resolve(corners, values, meta, measures, levels, texels, mesh, pose, camera, nearest, albedo, normal,
-                    depth, capacity, texel_capacity, size);
+            resolve(corners, values, places, meta, measures, levels, texels, mesh, pose, camera, nearest, albedo,
+                    normal, depth, size);
     }
 }
 #endif

@@ -20,6 +20,7 @@ LETTER = 0.65 / 72  # inches of a letter's width, a point of the font's size
 STYLE: dict[Any, Any] = {
     "svg.hashsalt": "moveit6d",
     "font.size": 9,
+    "text.parse_math": False,  # a dollar in the name of a folder or an object is a dollar
     "axes.spines.top": False,
     "axes.grid": True,
     "axes.axisbelow": True,

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 from ..datasets.pose_files import PoseRow
 from ..datasets.video import FrameSource
 from ..errors import InputError
+from ..estimation.states import Event, TrackingState
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
@@ -24,8 +25,11 @@ from ..rendering.renderer import Renderer
 from . import html_template
 from .curves import Curves, curves_svg, limits
 from .snapshots import Look, as_data, draw, evenly, fetch, near, worst
+from .states import bands, events_of, one_per_loss
 
 STILLS = 12  # pictures of the way, and of the worst frames
+LOST_STILLS = 4  # of the latter, those without a pose or of a lost object, at most
+TOLD = ("probability", "state")  # columns for what some trackers say and others do not
 WRONG = 0.10  # share of the diameter: errors above it are shown as bad
 
 
@@ -70,8 +74,8 @@ class Run:
     def badness(self) -> dict[int, float]:
         """How bad each frame is, largest first to be shown.
 
-        No pose is worst; then errors where the truth is known, below them what the confidence
-        says; a pose that was given, as the first one, comes last.
+        No pose is worst; then errors where the truth is known, below them what the probability
+        says, or the confidence; a pose that was given, as the first one, comes last.
         """
         return {frame: self._badness(frame) for frame in self.rows}
 
@@ -81,15 +85,14 @@ class Run:
             return math.inf
         if frame in self.errors:
             return self.errors[frame].add / self.mesh.diameter
-        if row.confidence is None:
-            return -math.inf
-        return (0.0 if self.errors else 1.0) - row.confidence
+        sure = row.confidence if row.probability is None else row.probability
+        return -math.inf if sure is None else (0.0 if self.errors else 1.0) - sure
 
     def confident(self, frame: int) -> bool:
         """Whether the object is tracked; without states whether its confidence is not low."""
         row = self.rows[frame]
         if row.state:
-            return row.pose is not None and row.state == "tracking"
+            return row.pose is not None and row.state == TrackingState.TRACKING
         return row.pose is not None and (
             row.confidence is None or row.confidence >= self.low_confidence
         )
@@ -114,25 +117,27 @@ def report_page(run: Run, renderer: Renderer) -> str:
     if not frames:
         raise InputError("a report needs at least one frame.")
     # Beyond a diameter it does not matter how far: the moment of losing it comes before the end.
-    lost = {
+    badness = {
         frame: min(value, 1.0) if value < math.inf else value
         for frame, value in run.badness.items()
     }
-    way, bad = evenly(frames, STILLS), worst(lost, STILLS)
+    way = evenly(frames, STILLS)
+    bad = worst(one_per_loss(badness, run.rows, LOST_STILLS), STILLS)
     whole, close = _pictures(run, set(way), set(bad), renderer)
-    curves = _curves(run, frames)
+    curves, events = _curves(run, frames), events_of(run.rows)
     return html_template.render_page(
         title=run.title,
         verdict=run.verdict,
         facts=run.facts,
         curves=curves_svg(curves, run.low_confidence),
         limits=limits(frames),
+        bands=bands(events, limits(frames)),
         key=_key(run),
         galleries=[
             ("The way", "Frames evenly spread over the video.", [whole[f] for f in way]),
             ("Worst frames first", _near_key(run), [close[f] for f in bad]),
         ],
-        tables=[_table(run)],
+        tables=[*([_events_table(events)] if events else []), _table(run)],
     )
 
 
@@ -146,7 +151,7 @@ def index_page(title: str, verdict: str, text: str, table: Mapping[str, Any]) ->
     def cells(row: Sequence[str | tuple[str, str]]) -> list[dict[str, Any]]:
         return [{**_cell(cell), "text": k == 0} for k, cell in enumerate(row)]
 
-    rows = [{"bad": False, "cells": cells(row)} for row in table["rows"]]
+    rows = [{"bad": False, "state": "", "cells": cells(row)} for row in table["rows"]]
     head = cells(table["head"])
     shown = {"heading": table["heading"], "frames": False, "head": head, "rows": rows}
     return html_template.render_page(title=title, verdict=verdict, text=text, tables=[shown])
@@ -181,6 +186,7 @@ def _picture(
         "frame": frame,
         "data": as_data(drawn),
         "bad": run.bad(frame),
+        "state": run.rows[frame].state,
         "caption": _says(run, frame),
     }
 
@@ -193,6 +199,8 @@ def _says(run: Run, frame: int) -> str:
         words.append(f"ADD {1000 * error.add:.1f} mm ({100 * error.add / run.mesh.diameter:.1f} %)")
     if row.pose is None:
         words.append(run.failures.get(frame, "no pose"))
+    elif row.state and row.state != TrackingState.TRACKING:
+        words.append(row.state)
     if row.confidence is not None:
         words.append(f"confidence {row.confidence:.2f}")
     if row.iterations is not None:
@@ -219,37 +227,57 @@ def _curves(run: Run, frames: Sequence[int]) -> Curves:
 
 def _key(run: Run) -> str:
     words = ["Broken lines: limits of what counts as right.", "Shaded: frames without a pose."]
+    if any(row.state for row in run.rows.values()):
+        words.append("Bands and the strip below: uncertain in yellow, lost in red.")
     if any(row.reset for row in run.rows.values()):
         words.append("Dotted: set to the true pose.")
     return " ".join([*words, "Move over the curves to read a frame, click to find it below."])
 
 
 def _near_key(run: Run) -> str:
-    if run.errors:
-        return "Estimate in green (red: low confidence), true contour in white."
-    return "By confidence, as nobody knows the true poses; red where it is low."
+    told = any(row.state for row in run.rows.values())
+    red = "not tracked" if told else "low confidence"
+    known = "true contour in white" if run.errors else "the true poses are not known"
+    return f"Estimate in green (red: {red}), {known}. Of each loss one frame."
 
 
 def _table(run: Run) -> dict[str, Any]:
     """Every frame, the worst first."""
     truth = ["ADD mm", "ADD % d", "origin mm", "rotation °"] if run.errors else []
-    head = ["frame", *truth, "confidence", "iterations", "stopped by", "ms", "what happened"]
+    every = run.rows.values()
+    told = [name for name in TOLD if any(getattr(row, name) not in ("", None) for row in every)]
+    head = ["frame", *truth, "confidence", *told, "iterations", "stopped by", "ms", "what happened"]
     order = sorted(run.rows, key=lambda frame: (-run.badness[frame], frame))
     rows = []
     for frame in order:
         row = run.rows[frame]
         cells = [str(frame), *(_errors(run, frame) if truth else [])]
-        cells += [_number(row.confidence, 2), _number(row.iterations, 0), row.stopped_by]
+        said = {"probability": _number(row.probability, 2), "state": row.state}
+        cells += [_number(row.confidence, 2), *(said[name] for name in told)]
+        cells += [_number(row.iterations, 0), row.stopped_by]
         cells += [_number(row.milliseconds, 1), _happened(run, row)]
         rows.append(
             {
                 "frame": frame,
                 "bad": run.bad(frame),
+                "state": row.state,
                 "says": f"frame {frame}: {_says(run, frame)}",
                 "cells": _texts(cells, head),
             }
         )
     return {"heading": "Every frame", "frames": True, "head": _texts(head, head), "rows": rows}
+
+
+def _events_table(events: Sequence[Event]) -> dict[str, Any]:
+    """Which state lasted from which frame to which."""
+    head = ["state", "first frame", "last frame", "frames"]
+    rows = []
+    for event in events:
+        first, last = event["first"], event["last"]
+        ends = [(str(frame), f"#f{frame}") for frame in (first, last)]
+        cells = _texts([event["state"], *ends, str(last - first + 1)], head)
+        rows.append({"bad": False, "state": event["state"], "cells": cells})
+    return {"heading": "States", "frames": False, "head": _texts(head, head), "rows": rows}
 
 
 def _errors(run: Run, frame: int) -> list[str]:
@@ -272,8 +300,8 @@ def _happened(run: Run, row: PoseRow) -> str:
     return "; ".join([*words, *["set to the true pose"] * row.reset])
 
 
-def _texts(cells: Sequence[str], head: Sequence[str]) -> list[dict[str, Any]]:
-    words = ("stopped by", "what happened")
+def _texts(cells: Sequence[str | tuple[str, str]], head: Sequence[str]) -> list[dict[str, Any]]:
+    words = ("state", "stopped by", "what happened")
     found = [_cell(cell) for cell in cells]
     for cell, name in zip(found, head, strict=True):
         cell["text"] = name in words

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
-from contextlib import ExitStack
 from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 import torch
@@ -22,7 +22,7 @@ from ..extras import require
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..io import replacing
+from ..io import discard, replacing
 
 OBJECT, TRUTH, VIEW = "camera/object", "camera/truth", "camera/image"
 CURVES = ("confidence", "iterations", "milliseconds")
@@ -46,21 +46,22 @@ class RerunLog:
         self.path, self.mesh, self.camera = path, mesh, camera
         self.truth = truth or {}
         self._rerun = _load()
-        self._place = ExitStack()
+        self._place = replacing(self.path)
         self._stream: Any = None
         self._empty = True
         self._shown = False
 
     def __enter__(self) -> RerunLog:
         rr = self._rerun
-        temporary = self._place.enter_context(replacing(self.path))
-        self._stream = rr.RecordingStream("moveit6d", recording_id=self.path.stem)
+        temporary = self._place.__enter__()
+        # An id of its own: the viewer shows recordings of one id as one.
+        self._stream = rr.RecordingStream("moveit6d", recording_id=f"{self.path.stem} {uuid4()}")
         try:
             if shutil.disk_usage(self.path.parent).free < LEAST_SPACE:  # rerun would wait forever
                 raise OSError("the disk is full")
             self._stream.save(temporary, _blueprint(rr))
         except (OSError, RuntimeError) as error:
-            self._place.__exit__(type(error), error, error.__traceback__)
+            discard(self._place)
             raise InputError(f"{self.path} cannot be written: {error}.") from error
         lens = rr.Pinhole(
             image_from_camera=self.camera.matrix.numpy(),
@@ -83,9 +84,13 @@ class RerunLog:
             pixels = torch.from_numpy(np.ascontiguousarray(frame.image)).permute(2, 0, 1)
             flat = self.camera.undistort(pixels)[0].permute(1, 2, 0).numpy()
             stream.log(VIEW, rr.Image(np.ascontiguousarray(flat)).compress(JPEG_QUALITY))
+        else:
+            stream.log(VIEW, rr.Clear(recursive=False))  # not the picture before
         self._object(row.pose)
         if frame.index in self.truth:
             stream.log(TRUTH, _transform(rr, self.truth[frame.index]))
+        elif self.truth:
+            stream.log(TRUTH, rr.Clear(recursive=False))
         for name in CURVES:
             value = getattr(row, name)
             if value is not None:
@@ -106,14 +111,14 @@ class RerunLog:
         try:
             self._stream.flush()
         except RuntimeError as broken:  # its writing thread ended before: the disk is full
-            self._place.__exit__(type(broken), broken, broken.__traceback__)
+            discard(self._place)
             raise InputError(f"{self.path} cannot be written: {broken}.") from broken
         finally:
             self._stream.disconnect()
         if self._empty:
-            none = InputError(f"{self.path}: there is no frame.")
-            self._place.__exit__(type(none), none, None)
-        self._place.close()
+            discard(self._place)
+        else:
+            self._place.__exit__(None, None, None)
 
     def _object(self, pose: Pose | None) -> None:
         """Where the object is now; nothing is shown while there is no pose."""

@@ -17,11 +17,11 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.images import rgb_bytes
-from ..io import replacing
+from ..io import discard, replacing
 from ..typing import ImageLike
 
 CODECS = ("libx264", "mpeg4")  # the first that this machine's PyAV can write
-QUALITY = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"q:v": "3"}}
+QUALITY = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"qmin": "3", "qmax": "3"}}
 
 
 class VideoWriter:
@@ -69,7 +69,7 @@ class VideoWriter:
         if self._broken:
             return
         if self._container is None:
-            self._remove()
+            discard(self._place)
             return
         with self._failing():
             self._encode(None)
@@ -90,14 +90,9 @@ class VideoWriter:
             self._broken = True
             with suppress(OSError):  # ffmpeg crashes where a container is forgotten unclosed
                 self._container.close()
-            self._remove()
+            discard(self._place)
             reason = error.strerror or error
             raise InputError(f"{self.path} cannot be written: {reason}.") from error
-
-    def _remove(self) -> None:
-        none = InputError(f"{self.path}: there is no video.")
-        with suppress(InputError):
-            self._place.__exit__(type(none), none, None)
 
     def _open(self, width: int, height: int) -> None:
         import av

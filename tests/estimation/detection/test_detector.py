@@ -211,6 +211,18 @@ def test_what_cannot_be_used_is_refused(seen: Picture, detector: PoseDetector) -
         PoseDetector(seen.mesh, pictures.CAMERA, config=DetectorConfig())  # type: ignore[arg-type]
 
 
+def test_several_objects_are_refused_by_a_sentence(seen: Picture, detector: PoseDetector) -> None:
+    assert detect_objects([], seen.image) == []
+    both = [detector, detector]
+    with pytest.raises(InputError, match="counts: 2 are needed, found 1"):
+        detect_objects(both, seen.image, [1])
+    with pytest.raises(InputError, match="regions: 2 are needed, found 3"):
+        detect_objects(both, seen.image, regions=[SearchRegion()] * 3)
+    seeds = PoseDetector(seen.mesh, pictures.CAMERA, policy=detector.policy, method="seeds")
+    with pytest.raises(InputError, match="is for the method templates, found one of seeds"):
+        detect_objects([detector, seeds], seen.image)
+
+
 def test_templates_are_those_of_the_numbers_that_a_network_computes_with(
     seen: Picture, tmp_path: Path
 ) -> None:

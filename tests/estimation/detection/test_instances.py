@@ -36,8 +36,15 @@ def test_poses_are_one_instance_within_a_share_of_the_nearer_width(box: Mesh) ->
 
 def test_a_mesh_read_twice_is_one_mesh(box: Mesh) -> None:
     again, wider = replace(box), replace(box, vertices=1.1 * box.vertices)
-    other = replace(box, name="another")
-    assert same_meshes([box, wider, again, other, box]) == [[2, 4], [], [0, 4], [], [0, 2]]
+    assert same_meshes([box, wider, again, box]) == [[2, 3], [], [0, 3], [0, 2]]
+
+
+def test_a_copy_under_another_name_is_the_same_and_one_of_another_print_is_not(box: Mesh) -> None:
+    copy = replace(box, name="another", vertices=box.vertices.copy())
+    assert box.vertex_colors is not None
+    printed = replace(box, vertex_colors=255 - box.vertex_colors)
+    plain = replace(box, vertex_colors=None)
+    assert same_meshes([box, copy, printed, plain]) == [[1], [0], [], []]
 
 
 @pytest.fixture(scope="module")

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+import trimesh
 
 from moveit6d import Camera, InputError, Mesh, Pose
 from moveit6d.config import RegionConfig
 from moveit6d.estimation.detection import SearchRegion
+from moveit6d.estimation.detection.region import widening
+from moveit6d.geometry.visibility import seen_box
 
 CAMERA = Camera(500.0, 500.0, 319.5, 239.5, 640, 480)
 SHARES = (0.1, 0.75)
+EDGE = (1 + (319.5 / 500) ** 2) ** 0.75  # how much wider things are seen at the image's edge
+WIDE = Camera.from_fov(110, 1280, 1280)
 
 
 def at(mesh: Mesh, x: float, y: float, z: float) -> Pose:
@@ -32,7 +38,7 @@ def test_nothing_known_is_the_whole_image(box: Mesh) -> None:
 def test_a_distance_is_a_width(box: Mesh) -> None:
     low, high = SearchRegion(distance=(0.5, 1.0)).widths(box, CAMERA, SHARES)
     assert low == pytest.approx(500 * box.sphere_diameter)
-    assert high == pytest.approx(1000 * box.sphere_diameter)
+    assert high == pytest.approx(1000 * box.sphere_diameter * EDGE)
 
 
 def test_a_box_bounds_width_and_place(box: Mesh) -> None:
@@ -59,14 +65,15 @@ def test_near_is_around_the_pose(box: Mesh) -> None:
     near = at(box, 0.1, 0.0, 0.5)
     region = SearchRegion(near=near)
     width = 500 * box.sphere_diameter / float(box.inner(near).translation.norm())
-    assert region.widths(box, CAMERA, SHARES) == pytest.approx((width / 1.5, width * 1.5))
+    assert region.widths(box, CAMERA, SHARES) == pytest.approx((width / 1.5, width * 1.5), rel=0.04)
     pixels = torch.tensor([[419.5, 239.5], [419.5 + 0.7 * width, 239.5], [319.5, 400.0]])
     allowed = region.allows(box, CAMERA, pixels, torch.full((3,), width), torch.zeros(3, 4))
     assert allowed.tolist() == [True, True, False]
     window = region.window(box, CAMERA, width)
     assert window is not None and window[0] > 0 and window[2] <= 640
     wide = RegionConfig(near_shift=0.65, near_ratio=2.0)
-    assert region.widths(box, CAMERA, SHARES, wide) == pytest.approx((width / 2, width * 2))
+    low, high = region.widths(box, CAMERA, SHARES, wide)
+    assert (low, high) == pytest.approx((width / 2, width * 2), rel=0.04)
     sizes = torch.full((3,), width)
     allowed = region.allows(box, CAMERA, pixels, sizes, torch.zeros(3, 4), wide)
     assert allowed.tolist() == [True, False, False]
@@ -115,12 +122,71 @@ def test_who_is_taken_is_not_looked_at(box: Mesh) -> None:
 
 
 def test_no_distance_is_so_far_that_nothing_is_seen(box: Mesh) -> None:
-    far = SearchRegion(distance=(0.5, 40.0))
-    assert far.widths(box, CAMERA, SHARES) == pytest.approx((16.0, 1000 * box.sphere_diameter))
+    far, nearest = SearchRegion(distance=(0.5, 40.0)), box.sphere_diameter * EDGE / 0.5
+    assert far.widths(box, CAMERA, SHARES) == pytest.approx((16.0, 500 * nearest))
     large = CAMERA.resize(2560, 1920)  # there the same part of the image has more pixels
-    assert far.widths(box, large, SHARES) == pytest.approx((32.0, 4000 * box.sphere_diameter))
+    assert far.widths(box, large, SHARES) == pytest.approx((32.0, 2000 * nearest), rel=1e-3)
     words = "even at 10 m the object would be under 16 pixels wide in an image of 640×480"
     with pytest.raises(InputError, match=words):
         SearchRegion(distance=(10.0, 40.0)).widths(box, CAMERA, SHARES)
     # Without a distance small images are searched for objects as small as ever.
     assert SearchRegion().widths(box, CAMERA.resize(160, 120), SHARES)[0] == pytest.approx(12.0)
+
+
+def ball() -> Mesh:
+    sphere = trimesh.creation.icosphere(3, 0.05)
+    return Mesh.from_arrays("ball", sphere.vertices, sphere.faces)
+
+
+def aside(degrees: float, distance: float = 0.6) -> Pose:
+    angle = np.radians(degrees)
+    return at(ball(), distance * np.sin(angle), 0.0, distance * np.cos(angle))
+
+
+def candidate(pose: Pose, mesh: Mesh) -> tuple[Any, Any, Any, tuple[float, float, float, float]]:
+    """Pixel, width on the axis and template box of a ball at a pose, and the box around it."""
+    pixel = WIDE.project(mesh.inner(pose).translation)[None].float()
+    width = WIDE.fx * mesh.sphere_diameter / float(mesh.inner(pose).translation.norm())
+    left, top, right, bottom = seen_box(mesh.inner(pose), mesh, WIDE)
+    silhouette = torch.tensor([[-0.5, -0.5, 0.5, 0.5]])
+    return pixel, torch.tensor([width]), silhouette, (left, top, right - left, bottom - top)
+
+
+@pytest.mark.parametrize("degrees", [0, 20, 40, 50, -50])
+def test_far_from_the_axis_the_right_pose_agrees_with_its_box(degrees: float) -> None:
+    mesh = ball()
+    pixel, width, silhouette, seen = candidate(aside(degrees), mesh)
+    region = SearchRegion(box=seen)
+    assert region.allows(mesh, WIDE, pixel, width, silhouette).all()
+    for other in (0.5 * width, 2 * width):
+        assert not region.allows(mesh, WIDE, pixel, other, silhouette).any()
+    for shifted in (-0.6, 0.6):
+        moved = pixel + torch.tensor([[shifted * seen[2], 0.0]])
+        assert not region.allows(mesh, WIDE, moved, width, silhouette).any()
+
+
+@pytest.mark.parametrize("degrees", [0, 20, 40, 50])
+def test_far_from_the_axis_things_are_looked_for_as_wide_as_they_are_seen(degrees: float) -> None:
+    mesh, pose = ball(), aside(degrees)
+    pixel, width, _, box = candidate(pose, mesh)
+    seen = (box[2] * box[3]) ** 0.5
+    assert float(width * widening(pixel, WIDE)) == pytest.approx(seen, rel=0.06)
+    low, high = SearchRegion(near=pose).widths(mesh, WIDE, (0.001, 1.0))
+    assert (low * high) ** 0.5 == pytest.approx(seen, rel=0.06)
+    for region in (SearchRegion(box=box), SearchRegion(near=pose), SearchRegion()):
+        low, high = replace(region, distance=(0.58, 0.62)).widths(mesh, WIDE, SHARES)
+        assert 0.9 * low < seen < 1.1 * high
+
+
+@pytest.mark.parametrize("degrees", [0, 50])
+def test_far_from_the_axis_as_many_widths_aside_are_as_far(degrees: float) -> None:
+    mesh, pose = ball(), aside(degrees)
+    width = candidate(pose, mesh)[1].expand(4)
+    turns = np.degrees(np.arctan(np.array([-0.8, -0.7, 0.3, 0.7]) * float(width[0]) / WIDE.fx))
+    pixels = torch.cat([candidate(aside(degrees + turn), mesh)[0] for turn in turns])
+    allowed = SearchRegion(near=pose).allows(mesh, WIDE, pixels, width, torch.zeros(4, 4))
+    assert allowed.tolist() == [False, True, True, True], "0.75 widths aside at most"
+    free = SearchRegion(taken=(pose,)).allows(mesh, WIDE, pixels, width, torch.zeros(4, 4))
+    assert free.tolist() == [True, True, False, True], "0.4 widths aside at least"
+    left, _, right, _ = SearchRegion(near=pose).window(mesh, WIDE, 0.6 * float(width[0])) or [0] * 4
+    assert left < float(pixels[1, 0]) and min(float(pixels[3, 0]), 1279) < right

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from moveit6d.estimation.detection import Detection
-from moveit6d.estimation.detection.steps import Steps, finish, within
+from moveit6d.estimation.detection.steps import Ended, Steps, finish, within
 
 
 def search(answer: Detection) -> Steps:
@@ -17,7 +17,7 @@ def search(answer: Detection) -> Steps:
 
 def test_a_search_goes_on_where_the_time_ended() -> None:
     answer = Detection(())
-    assert finish(search(answer)) is answer and within(search(answer), None) is answer
+    assert finish(search(answer)) is answer and within(search(answer), None) == Ended(answer)
     steps = search(answer)
-    assert [within(steps, 0.0) for _ in range(5)] == [None] * 4 + [answer]
-    assert within(search(answer), 1.0) is None and within(search(answer), 1e4) is answer
+    assert [within(steps, 0.0) for _ in range(5)] == [None] * 4 + [Ended(answer)]
+    assert within(search(answer), 1.0) is None and within(search(answer), 1e4) == Ended(answer)

@@ -10,7 +10,7 @@ import pytest
 import torch
 from torch.nn import functional
 
-from moveit6d import InputError
+from moveit6d import Camera, InputError
 from moveit6d.config import MatchConfig
 from moveit6d.estimation.detection import PoseDetector
 from moveit6d.estimation.detection.places import (
@@ -62,6 +62,22 @@ def test_the_object_is_among_the_candidates(seen: Picture, detector: PoseDetecto
         assert (left.pixels[:, 0] < pixel[0] - 0.3 * width).all()
         assert len(matcher.views(place, lambda pixels, *_: pixels[:, 0] < -1e4)) == 0
     assert len(best_candidates([], 3)) == 0
+
+
+@pytest.mark.parametrize("degrees", [0, 50])
+def test_views_are_tried_as_far_away_as_a_place_says(
+    detector: PoseDetector, degrees: float
+) -> None:
+    camera = Camera.from_fov(110, 256, 256)
+    image = pictures.mottled(0)
+    frame = prepare_frame(image, camera)
+    bank, config = detector.prepare(), detector.config.match
+    matcher = ViewMatcher(bank.fine, detector.pyramid_of(frame), config)
+    u = camera.cx + camera.fx * math.tan(math.radians(degrees))
+    width = 40.0 / math.cos(math.radians(degrees)) ** 1.5
+    found = matcher.views(Place(1.0, (u, camera.cy), width))
+    tried = torch.tensor([40 / config.step, 40, 40 * config.step])
+    assert len(found) and (found.widths[:, None] - tried).abs().amin(1).max() < 1e-3
 
 
 def noise_templates(random: torch.Generator) -> Templates:

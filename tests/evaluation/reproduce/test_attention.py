@@ -48,7 +48,7 @@ def test_attention_is_measured_on_the_object_and_beside_it(video: Sequence) -> N
     found = attention.reproduction(
         cases, {"left": Looking(), "none": OraclePolicy(Pose.identity(1))}, "surrogate", {}
     )
-    mask = cases[0].seen.mask[0, 0]
+    mask = cases[0].seen("look_at").mask[0, 0]
     cell = mask.reshape(16, 8, 16, 8).mean((1, 3))
     row = found.tables[0].rows[0]
     assert row[2] == pytest.approx(float(cell[:, :8].sum() / cell.sum()), abs=1e-5)
@@ -59,3 +59,19 @@ def test_attention_is_measured_on_the_object_and_beside_it(video: Sequence) -> N
     assert isinstance(sheet, Sheet) and sheet.columns == 4 and len(sheet.panels) == 8
     picture = sheet.panels[2].picture
     assert picture is not None and picture[:, :64].min() == 1 and picture[:, 64:].max() == 0
+
+
+def test_a_network_sees_the_crop_that_it_was_trained_on(video: Sequence) -> None:
+    class AxisParallel(Looking):
+        crop: Crop = "axis_parallel"
+
+        def predict(self, seen: Observation, state: LoopState) -> PolicyOutput:
+            shown.append(seen)
+            return super().predict(seen, state)
+
+    shown: list[Observation] = []
+    (case,) = attention.patches([video], 1, make_renderer())
+    attention.reproduction([case], {"one": Looking(), "other": AxisParallel()}, "", {})
+    (seen,) = shown
+    assert torch.equal(seen.image, case.seen("axis_parallel").image)
+    assert not torch.equal(seen.image, case.seen("look_at").image)

@@ -20,6 +20,12 @@ def test_lost_looks_are_refused_with_the_remedy() -> None:
     assert content.warnings == []
 
 
+def test_a_reader_of_data_sets_is_not_told_of_an_option_that_it_lacks() -> None:
+    content = MeshContent(Path("drill.obj"), allow_flat=True)
+    with pytest.raises(InputError, match=r"^drill\.obj: skin\.png is missing; put it beside it\.$"):
+        content.lost("skin.png is missing", "put it beside it")
+
+
 def test_where_it_is_allowed_each_loss_is_one_warning() -> None:
     content = MeshContent(Path("drill.obj"), allow_untextured=True)
     for what in ("skin.png is missing", "material steel is missing", "skin.png is missing"):

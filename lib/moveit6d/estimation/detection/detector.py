@@ -358,10 +358,33 @@ def detect_objects(
     """Several objects in one image, each with its own detector of one policy and camera.
 
     The image is described once for all of them, with the threads of the first. `counts` are the
-    most instances of each, `regions` say where each is looked for.
+    most instances of each (one), `regions` say where each is looked for.
+
+    Raises `InputError` for what `PoseDetector.detect` refuses, and for the method seeds.
+
+    Example:
+        >>> import torch
+        >>> from moveit6d import Camera, Mesh, PoseDetector, TrackerConfig, detect_objects
+        >>> from moveit6d import load_policy
+        >>> from moveit6d.config import DetectorConfig, TemplateConfig
+        >>> corners = torch.tensor([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
+        >>> sides = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+        >>> meshes = [Mesh.from_arrays("corner", size * corners, sides) for size in (1, 2)]
+        >>> camera, policy = Camera(80, 80, 39.5, 31.5, 80, 64), load_policy()
+        >>> few = TemplateConfig(rotations=40, coarse_rotations=20)  # quick, but rough
+        >>> config = TrackerConfig(detection=DetectorConfig(templates=few, stages=((2, 1),)))
+        >>> tools = {"policy": policy, "config": config}
+        >>> detectors = [PoseDetector(mesh, camera, **tools) for mesh in meshes]
+        >>> [one.found for one in detect_objects(detectors, torch.zeros(3, 64, 80))]
+        [False, False]
     """
     if not detectors:
         return []
+    if any(one.seeds is not None for one in detectors):
+        raise InputError("detect_objects is for the method templates, found one of seeds.")
+    for name, given in (("counts", counts), ("regions", regions)):
+        if given is not None and len(given) != len(detectors):
+            raise InputError(f"{name}: {len(detectors)} are needed, found {len(given)}.")
     frame = prepare_frame(image, detectors[0].camera)
     with limited_threads(detectors[0].threads):
         pyramid = detectors[0].pyramid_of(frame)

@@ -6,6 +6,7 @@ Never sees an image.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -35,7 +36,10 @@ def first_of_instances(
 
 
 def same_meshes(meshes: Sequence[Mesh]) -> list[list[int]]:
-    """Of each mesh the indices of the others that are the same one, perhaps read twice."""
+    """Of each mesh the indices of the others that are the same one, under whatever names.
+
+    Two boxes that differ in their print are two meshes.
+    """
     return [
         [k for k, other in enumerate(meshes) if k != number and _is_same_mesh(mesh, other)]
         for number, mesh in enumerate(meshes)
@@ -45,8 +49,14 @@ def same_meshes(meshes: Sequence[Mesh]) -> list[list[int]]:
 def _is_same_mesh(one: Mesh, other: Mesh) -> bool:
     if one is other:
         return True
-    arrays = ((getattr(mesh, name) for mesh in (one, other)) for name in _GEOMETRY)
-    return one.name == other.name and all(np.array_equal(*pair) for pair in arrays)
+    arrays = ((getattr(mesh, name) for mesh in (one, other)) for name in _SHAPE_AND_COLOURS)
+    return all(_are_equal(*pair) for pair in arrays)
 
 
-_GEOMETRY = ("center", "vertices", "faces")
+def _are_equal(one: Any, other: Any) -> bool:
+    if one is None or other is None:
+        return one is other
+    return np.array_equal(one, other)
+
+
+_SHAPE_AND_COLOURS = ("center", "vertices", "faces", "uv", "texture", "vertex_colors")

@@ -13,10 +13,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn import functional
 
 from ...config import DetectorConfig, RegionConfig
 from ...errors import InputError
-from ...geometry.camera import Camera
+from ...geometry.camera import Camera, project
 from ...geometry.mesh import Mesh
 from ...geometry.pose import Pose
 
@@ -26,6 +27,7 @@ SMALLEST_BOX = 4  # pixels a side
 # Pixels, and of the image's shorter side: no distance makes a search look for narrower objects.
 # They are hardly found, and the image would be enlarged beyond all measure.
 SMALLEST_WIDTH, SMALLEST_SHARE = 16, 1 / 60
+NEAR = 0.05  # of the distance: a box that reaches nearer to the camera's plane would have no end
 
 
 @dataclass(frozen=True)
@@ -100,8 +102,10 @@ class SearchRegion:
         """
         bounds = self.bounds
         if bounds is None and self.near is not None:
-            u, v = _pixel(mesh, self.near, camera).tolist()
-            reach = config.near_shift * _width(mesh, self.near, camera)
+            pixel = _pixel(mesh, self.near, camera)
+            u, v = pixel.tolist()
+            longest = _width(mesh, self.near, camera) / float(_cosine(pixel, camera)) ** 2
+            reach = config.near_shift * longest
             bounds = u - reach, v - reach, 2 * reach, 2 * reach
         if bounds is None:
             return None
@@ -121,20 +125,23 @@ class SearchRegion:
     ) -> tuple[float, float]:
         """Smallest and largest width of the object's sphere in pixels that are to be tried.
 
-        `shares` of the image's shorter side limit them where nothing else does. `InputError` if
-        the object is too small to be found at any distance that is given.
+        As it is seen where it may be (`widening`). `shares` of the image's shorter side limit them
+        where nothing else does. `InputError` if the object is too small to be found at any distance
+        that is given.
         """
         side = min(camera.width, camera.height)
         low, high = shares[0] * side, shares[1] * side
         if self.distance is not None:
-            low, high = _widths_between(self.distance, mesh, camera)
+            wider = widening(self._places(mesh, camera), camera)
+            low, high = _widths_between(self.distance, mesh, camera, wider)
         bounds = self.bounds
         if bounds is not None:
             longest, (least, most) = max(bounds[2], bounds[3]), config.box_ratio
             low, high = max(low, least * longest), min(high, most * longest)
             low, high = min(low, longest * most), max(high, longest)
         if self.near is not None:
-            size, ratio = _width(mesh, self.near, camera), config.near_ratio
+            wider = widening(_pixel(mesh, self.near, camera), camera)
+            size, ratio = _width(mesh, self.near, camera) * float(wider), config.near_ratio
             low, high = max(low, size / ratio), min(high, size * ratio)
             if low > high:
                 low, high = size / ratio, size * ratio
@@ -152,31 +159,46 @@ class SearchRegion:
     ) -> Tensor:
         """Which candidates (N) may be: centres (N, 2), sphere widths (N) and template boxes (N, 4).
 
-        Boxes are edges from the centre in widths of the sphere.
+        Widths are those on the camera's axis, as far away. Boxes are edges from the centre in
+        widths of the sphere, as seen along the ray through it.
         """
         allowed = torch.ones(len(pixels), dtype=torch.bool)
-        bounds = self.bounds
+        bounds, rays = self.bounds, functional.normalize(camera.unproject(pixels), dim=1)
         if bounds is not None:
-            edges = pixels.repeat(1, 2) + boxes * sizes[:, None]
+            edges = _edges(rays, boxes * sizes[:, None], camera)
             union, covered = overlap(edges, bounds)
             part = (covered >= config.part_covered) & (union >= config.part_overlap)
             allowed &= (union >= config.box_overlap) | part
         if self.near is not None:
-            centre = _pixel(mesh, self.near, camera)
             width = _width(mesh, self.near, camera)
-            allowed &= (pixels - centre).norm(dim=1) < config.near_shift * width
+            allowed &= _aside(rays, self.near, mesh, camera) < config.near_shift * width
         for other in self.taken:
-            aside = (pixels - _pixel(mesh, other, camera)).norm(dim=1)
+            aside = _aside(rays, other, mesh, camera)
             allowed &= aside >= same_instance * sizes.clamp(min=_width(mesh, other, camera))
         return allowed
 
+    def _places(self, mesh: Mesh, camera: Camera) -> Tensor:
+        """Pixels (N, 2) where the object may be; of the whole image its middle and its edges'."""
+        bounds, right, bottom = self.bounds, camera.width - 1, camera.height - 1
+        if bounds is not None:
+            x, y, wide, high = bounds
+            return torch.tensor([[x + wide / 2, y + high / 2]], dtype=torch.float64)
+        if self.near is not None:
+            return _pixel(mesh, self.near, camera)[None]
+        u, v = min(max(camera.cx, 0), right), min(max(camera.cy, 0), bottom)
+        places = [(u, v), (0, v), (right, v), (u, 0), (u, bottom)]
+        return torch.tensor(places, dtype=torch.float64)
+
 
 def _widths_between(
-    distance: tuple[float, float], mesh: Mesh, camera: Camera
+    distance: tuple[float, float], mesh: Mesh, camera: Camera, wider: Tensor
 ) -> tuple[float, float]:
-    """Widths of the object's sphere, pixels, at the farthest and at the nearest distance."""
+    """Widths of the object's sphere, pixels, at the farthest and at the nearest distance.
+
+    `wider` (N,) is the `widening` where it may be.
+    """
     near, far = distance
-    largest = width_at(near, mesh, camera)
+    largest = width_at(near, mesh, camera) * float(wider.max())
     least = max(SMALLEST_WIDTH, SMALLEST_SHARE * min(camera.width, camera.height))
     if largest < least:
         raise InputError(
@@ -184,7 +206,7 @@ def _widths_between(
             f"pixels wide in an image of {camera.width}×{camera.height}, too small to be found; "
             "check the metres and the mesh's unit."
         )
-    return max(width_at(far, mesh, camera), least), largest
+    return max(width_at(far, mesh, camera) * float(wider.min()), least), largest
 
 
 def _width(mesh: Mesh, pose: Pose, camera: Camera) -> float:
@@ -194,6 +216,44 @@ def _width(mesh: Mesh, pose: Pose, camera: Camera) -> float:
 def width_at(distance: float, mesh: Mesh, camera: Camera) -> float:
     """Width of the object's sphere at a distance on the camera's axis, pixels."""
     return 0.5 * (camera.fx + camera.fy) * mesh.sphere_diameter / distance
+
+
+def widening(pixels: Tensor, camera: Camera) -> Tensor:
+    """By how much (...) things at pixels (..., 2) are seen wider than on the axis, as far away.
+
+    A pinhole image draws them out by 1 / cos of the angle to the axis, and away from the axis by
+    1 / cos²: this is between both.
+    """
+    return _cosine(pixels, camera) ** -1.5
+
+
+def _cosine(pixels: Tensor, camera: Camera) -> Tensor:
+    """Of the angle (...) between the rays of pixels (..., 2) and the camera's axis."""
+    return functional.normalize(camera.unproject(pixels), dim=-1)[..., 2]
+
+
+def _aside(rays: Tensor, pose: Pose, mesh: Mesh, camera: Camera) -> Tensor:
+    """How far rays (N, 3) pass a pose's centre, pixels (N,) as they are on the camera's axis."""
+    centre = functional.normalize(mesh.inner(pose).translation.to(rays), dim=0)
+    along = rays @ centre
+    aside = (1 - along.square()).clamp(min=0).sqrt() / along.clamp(min=NEAR)  # tangent of the angle
+    return 0.5 * (camera.fx + camera.fy) * aside
+
+
+def _edges(rays: Tensor, boxes: Tensor, camera: Camera) -> Tensor:
+    """Edges (N, 4) in the image of boxes (N, 4) that look-at views along rays (N, 3) show.
+
+    Those are edges from the middle, in pixels as they are on the camera's axis.
+    """
+    left, top, right, bottom = (boxes / (0.5 * (camera.fx + camera.fy))).T.contiguous()
+    # Corners (4, N) at depth 1, turned as `look_at` turns, written out: there may be many.
+    a, b = torch.stack([left, right, left, right]), torch.stack([top, top, bottom, bottom])
+    x, y, z = rays.T.contiguous()
+    along = x * a + y * b
+    share = 1 - along / (1 + z)
+    points = torch.stack([a + x * share, b + y * share, (z - along).clamp(min=NEAR)])
+    u, v = project(points.permute(1, 2, 0), camera.matrix.to(points)).unbind(-1)
+    return torch.stack([u.amin(0), v.amin(0), u.amax(0), v.amax(0)], 1)
 
 
 def _pixel(mesh: Mesh, pose: Pose, camera: Camera) -> Tensor:

@@ -16,6 +16,7 @@ from torch.nn import functional
 from ...config import MatchConfig
 from .places import Place, spread_of
 from .pyramid import Patches, Pyramid
+from .region import widening
 from .templates import Templates
 
 Allowed = Callable[[Tensor, Tensor, Tensor], Tensor]
@@ -26,8 +27,8 @@ EDGE = 2  # cells at a patch's edge whose descriptors the edge changes
 class Candidates:
     """`N` proposals, the best first.
 
-    `scores` (N,), `pixels` (N, 2) of the object's centre, `widths` (N,) of its sphere in pixels,
-    `views` (N,) which of the templates' rotations.
+    `scores` (N,), `pixels` (N, 2) of the object's centre, `widths` (N,) of its sphere in pixels
+    where it as far away on the camera's axis, `views` (N,) which of the templates' rotations.
     """
 
     scores: Tensor
@@ -70,8 +71,10 @@ class ViewMatcher:
         `allowed` says which pixels (N, 2), widths (N) and views (N) may be; without it all.
         """
         step, reach = self.config.step, self.config.reach
-        widths = torch.tensor([place.width / step, place.width, place.width * step])
-        pixels = torch.tensor(place.pixel).expand(len(widths), 2)
+        pixel = torch.tensor(place.pixel)
+        width = place.width / float(widening(pixel, self.pyramid.frame.camera))
+        widths = torch.tensor([width / step, width, width * step])
+        pixels = pixel.expand(len(widths), 2)
         patches = self.pyramid.patches(pixels, widths, self.cells)
         windows = self._windows(patches)
         positions = [

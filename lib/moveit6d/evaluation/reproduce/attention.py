@@ -5,8 +5,9 @@ Never trains: the networks come as weights files, each one column.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from torch.nn import functional
 from ...actions import PoseAction
 from ...datasets.sequences import Sequence as Video
 from ...frame import prepare_frame
-from ...geometry.crop import PATCH_SIZE
+from ...geometry.crop import PATCH_SIZE, Crop
 from ...observation import Observation, observe
 from ...policies import LoopState, Policy
 from ...rendering.renderer import Renderer
@@ -33,10 +34,10 @@ OFFSET = (6.0, -4.0, 3.0, 4.0, -5.0, 6.0)  # the start's delta from the truth, a
 
 @dataclass(frozen=True)
 class Patch:
-    """One case: what the policy sees, and where it stands."""
+    """One case: what a policy of each kind of crop sees, and where it stands."""
 
     name: str
-    seen: Observation
+    seen: Callable[[Crop], Observation]
     state: LoopState
 
 
@@ -76,7 +77,7 @@ def patches(videos: Sequence[Video], frames: int, renderer: Renderer) -> list[Pa
             inner = mesh.inner(video.truth[frame.index].to(torch.float64))
             delta = torch.tensor([OFFSET], dtype=torch.float64)
             start = PoseAction.from_delta(delta).apply_centred(inner[None], diameter)
-            seen = observe([picture], [mesh], start, diameter, renderer)
+            seen = cache(partial(observe, [picture], [mesh], start, diameter, renderer))
             state = LoopState(start, diameter, torch.zeros(1, dtype=torch.int64))
             found.append(Patch(f"{video.name}, frame {frame.index}", seen, state))
     return found
@@ -91,19 +92,21 @@ def reproduction(
     """
     panels: list[Panel] = []
     rows: list[tuple[Cell, ...]] = []
+    crop = next(iter(policies.values())).crop  # of the patch in the picture
     for case in cases:
         panels += [
-            Panel(case.name, _picture(case.seen.image)),
-            Panel("rendering", _picture(case.seen.rendering)),
+            Panel(case.name, _picture(case.seen(crop).image)),
+            Panel("rendering", _picture(case.seen(crop).rendering)),
         ]
         for name, policy in policies.items():
-            attention = policy.predict(case.seen, case.state).attention
+            seen = case.seen(policy.crop)
+            attention = policy.predict(seen, case.state).attention
             if attention is None:
                 panels.append(Panel(f"{name}: none"))
                 rows.append((case.name, name, None, None, None))
                 continue
             panels.append(Panel(name, _map(attention)))
-            rows.append((case.name, name, *_shares(attention, case.seen.mask)))
+            rows.append((case.name, name, *_shares(attention, seen.mask)))
     head = ("case", "network", "mean on the object", "mean beside it", "share on the object %")
     sheet = Sheet("attention", "Attention", 2 + len(policies), tuple(panels))
     steps = ", ".join(map(str, published.ATTENTION_ITERATIONS))

@@ -71,7 +71,8 @@ class MeshContent:
     def lost(self, what: str, remedy: str) -> None:
         """A part of the looks cannot be shown: an `InputError`, or a warning where allowed."""
         if not self.allow_untextured:
-            raise InputError(f"{self.path}: {what}; {remedy}, or {ALLOW}.")
+            advice = "" if self.allow_flat else f", or {ALLOW}"  # who reads data sets cannot
+            raise InputError(f"{self.path}: {what}; {remedy}{advice}.")
         if what not in self.warnings:
             self.warnings.append(what)
 
