@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .actions import ActionSpace, PoseAction
     from .config import PAPER_CONFIG, TrackerConfig
+    from .datasets.live import LatestFrames
     from .datasets.video import open_frames
     from .errors import InputError
     from .estimation import PoseDetector, PoseEstimator, PoseTracker, TrackingResult
@@ -43,6 +44,7 @@ _HOMES = {
     "OraclePolicy": "policies",
     "make_renderer": "rendering",
     "open_frames": "datasets.video",
+    "LatestFrames": "datasets.live",
     "draw_pose": "visualization.overlay",
     "VideoWriter": "visualization.video",
     "InputError": "errors",
@@ -65,6 +67,7 @@ __all__ = [
     "OraclePolicy",
     "make_renderer",
     "open_frames",
+    "LatestFrames",
     "draw_pose",
     "VideoWriter",
     "InputError",

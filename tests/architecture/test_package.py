@@ -22,7 +22,7 @@ PUBLIC = {
     "Pose", "Camera", "Mesh", "PoseAction", "ActionSpace", "PoseEstimator", "PoseTracker",
     "PoseDetector", "TrackingResult", "TrackerConfig", "PAPER_CONFIG", "open_frames", "draw_pose",
     "VideoWriter", "OraclePolicy", "load_policy", "make_renderer", "InputError",
-    "detect_objects", "__version__",
+    "detect_objects", "LatestFrames", "__version__",
 }  # fmt: skip
 HEAVY = ("pytorch_lightning", "lightning", "pyrender", "OpenGL", "matplotlib", "cv2", "av")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from moveit6d.cli.common import Setting
 from moveit6d.cli.detect_search import check_objects, image_search, known_by, objects_of
 from moveit6d.estimation.detection import Detection, FoundPose
 from moveit6d.estimation.results import StopReason, TrackingResult
+from tests.support.clip import write_other
 
 NOTHING = dict.fromkeys(("box", "mask", "points", "distance", "start"))
 
@@ -39,10 +41,9 @@ def setting() -> Setting:
 def test_objects_share_the_image_and_instances_of_a_mesh_are_dealt_out(
     brick_file: Path, tmp_path: Path, setting: Setting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "can.ply").write_bytes(brick_file.read_bytes())
-    args = options(
-        brick_file, tmp_path / "can.ply", brick_file, instances=2, distance=[0.3, 0.8]
-    )  # fmt: skip
+    (tmp_path / "mesh.ply").write_bytes(brick_file.read_bytes())
+    can = write_other(tmp_path).rename(tmp_path / "can.ply")
+    args = options(brick_file, can, brick_file, instances=2, distance=[0.3, 0.8])
     camera, meshes = Camera(90, 90, 39.5, 29.5, 80, 60), objects_of(args)
     search = image_search(args, setting, meshes, camera, known_by(args, meshes))
     assert search.names == ["brick_1", "can", "brick_2"]
@@ -63,12 +64,14 @@ def test_objects_share_the_image_and_instances_of_a_mesh_are_dealt_out(
     assert [one.probability for one in third.instances] == [0.7]
 
 
-def test_the_same_file_in_another_unit_is_another_object(
+def test_a_copy_is_the_same_object_and_one_in_another_unit_is_not(
     brick_file: Path, brick: Mesh, setting: Setting
 ) -> None:
-    args = options(brick_file, brick_file, mesh_unit=["m", "in"])
+    larger, copy = replace(brick, vertices=2 * brick.vertices), replace(brick, name="copy")
+    args = options(brick_file, brick_file, brick_file)
     camera = Camera(90, 90, 39.5, 29.5, 80, 60)
-    assert image_search(args, setting, [brick, brick], camera, NOTHING).groups == [[0], [1]]
+    search = image_search(args, setting, [brick, larger, copy], camera, NOTHING)
+    assert search.groups == [[0, 2], [1]]
 
 
 def test_what_is_for_one_object_or_one_image_is_refused(capsys: Any) -> None:

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from moveit6d.cli import messages
+from moveit6d.cli import common, messages
+from moveit6d.cli.common import Setting
 from moveit6d.cli.messages import ProgressLines, detail, note, progress, set_level
 
 
@@ -71,3 +72,14 @@ def test_progress_passes_the_items_on(
     set_level(True, False)
     assert list(progress(range(10), 10, "work", "thing")) == list(range(10))
     assert capsys.readouterr().err == ""
+
+
+def test_a_worker_says_as_much_as_its_parent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(common, "make_tools", lambda setting: None)
+    common.tools.cache_clear()
+    set_level(True, False)
+    setting = Setting(None, "embree", 1, level=messages.get_level())
+    set_level(False, False)  # another process begins so
+    common.tools(setting)
+    assert messages.get_level() == messages.QUIET
+    common.tools.cache_clear()

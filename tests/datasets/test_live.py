@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 from moveit6d.datasets import live
-from moveit6d.datasets.live import Latest, NetworkVideo, is_address
+from moveit6d.datasets.live import LatestFrames, NetworkVideo, is_address
 from moveit6d.datasets.video import VideoFrame, open_frames
 from moveit6d.errors import InputError
 from moveit6d.visualization.video import VideoWriter
@@ -176,15 +176,15 @@ class Ticking:
 
 def test_who_is_slow_sees_the_newest_frame_and_the_end() -> None:
     seen = []
-    for frame in Latest(Ticking()):
+    for frame in LatestFrames(Ticking()):
         seen.append(frame.index)
         time.sleep(0.035)
     assert seen == sorted(set(seen)) and seen[-1] == 10
     assert len(seen) < 9  # several were left out
-    quick = [frame.index for frame in Latest(Ticking())]
+    quick = [frame.index for frame in LatestFrames(Ticking())]
     assert quick[-1] == 10 and len(quick) >= len(seen)
     with pytest.raises(ZeroDivisionError):
-        list(Latest(Ticking(ZeroDivisionError())))
+        list(LatestFrames(Ticking(ZeroDivisionError())))
 
 
 class Held:
@@ -217,7 +217,7 @@ def test_of_what_was_missed_only_the_last_error_is_told(
     errors: list[str | None], expected: list[int]
 ) -> None:
     source, seen = Held(errors), []
-    for frame in Latest(source):
+    for frame in LatestFrames(source):
         seen.append(frame.index)
         source.taken.set()
         assert source.all_there.wait(5)
@@ -227,7 +227,7 @@ def test_of_what_was_missed_only_the_last_error_is_told(
 
 
 def test_giving_up_ends_the_reading() -> None:
-    for frame in Latest(Ticking()):
+    for frame in LatestFrames(Ticking()):
         if frame.index >= 2:
             break
     deadline = time.monotonic() + 5

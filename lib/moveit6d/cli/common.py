@@ -17,7 +17,7 @@ from .. import __version__
 from ..config import TrackerConfig
 from ..errors import InputError
 from ..io import check_folder, file_digest
-from .messages import add_message_options
+from .messages import NORMAL, add_message_options, adopt_level, get_level
 from .settings import DEFAULT, EVERYTHING, PREFIX, SettingsPart, add_settings, settings_of
 from .watching import Watcher
 
@@ -193,13 +193,17 @@ def use_threads(count: int) -> None:
 
 @dataclass(frozen=True)
 class Setting:
-    """What decides about the loop, as it can be sent to another process or machine."""
+    """What decides about the loop, as it can be sent to another process or machine.
+
+    `level` is how much a worker says on stderr.
+    """
 
     weights: Path | None
     renderer: str
     threads: int
     compute: Compute = "auto"
     config: TrackerConfig = DEFAULT
+    level: int = NORMAL
 
     @staticmethod
     def of(args: argparse.Namespace, base: TrackerConfig = DEFAULT) -> Setting:
@@ -207,12 +211,13 @@ class Setting:
         weights = None if args.weights is None else args.weights.resolve()
         compute: Compute = "float32" if args.float32 else "auto"
         config = settings_of(args, base)
-        return Setting(weights, args.renderer, args.threads, compute, config)
+        return Setting(weights, args.renderer, args.threads, compute, config, get_level())
 
 
 @lru_cache(maxsize=1)
 def tools(setting: Setting) -> tuple[Policy, Renderer]:
-    """Policy and renderer of a worker process, made once."""
+    """Policy and renderer of a worker process, made once; it says as much as its parent."""
+    adopt_level(setting.level)
     return make_tools(setting)
 
 

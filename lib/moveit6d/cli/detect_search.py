@@ -89,7 +89,7 @@ def image_search(
         for mesh in meshes
     ]
     names = object_names(args.mesh)
-    return ImageSearch(names, detectors, _groups(args), args.instances, known)
+    return ImageSearch(names, detectors, _groups(meshes), args.instances, known)
 
 
 def check_objects(args: argparse.Namespace) -> None:
@@ -124,10 +124,9 @@ def known_by(args: argparse.Namespace, meshes: Sequence[Mesh]) -> dict[str, Any]
     return {**known_of(args, args.mesh_unit[0]), "start": start}
 
 
-def _groups(args: argparse.Namespace) -> list[list[int]]:
-    """The indices of the meshes that are one file in one unit."""
-    units = args.mesh_unit * len(args.mesh) if len(args.mesh_unit) == 1 else args.mesh_unit
-    found: dict[Any, list[int]] = {}
-    for index, (path, unit) in enumerate(zip(args.mesh, units, strict=True)):
-        found.setdefault((path.resolve(), unit), []).append(index)
-    return list(found.values())
+def _groups(meshes: Sequence[Mesh]) -> list[list[int]]:
+    """The indices of those that are one mesh, under whatever names."""
+    from ..estimation.detection.instances import same_meshes
+
+    groups = [sorted([index, *others]) for index, others in enumerate(same_meshes(meshes))]
+    return [group for index, group in enumerate(groups) if group[0] == index]

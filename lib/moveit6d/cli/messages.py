@@ -46,6 +46,17 @@ def set_level(quiet: bool, verbose: bool) -> None:
     _level = QUIET if quiet else VERBOSE if verbose else NORMAL
 
 
+def get_level() -> int:
+    """How much this process says."""
+    return _level
+
+
+def adopt_level(level: int) -> None:
+    """Say as much as the process whose worker this one is."""
+    global _level
+    _level = level
+
+
 def is_verbose() -> bool:
     """Whether details are wanted."""
     return _level == VERBOSE

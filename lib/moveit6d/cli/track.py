@@ -193,7 +193,7 @@ def _add_needed_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Track and write."""
-    from ..datasets.live import Latest
+    from ..datasets.live import LatestFrames
     from ..datasets.pose_files import PoseWriter, track_columns
     from ..datasets.video import Prefetched, is_live, open_frames
     from ..evaluation.run_tracker import run_tracker
@@ -209,7 +209,7 @@ def run(args: argparse.Namespace) -> int:
     facts = track_facts(args, setting.config)
     earlier = earlier_tracks(args, facts, names, [mesh.center for mesh in meshes])
     # What is live and read ahead would show the past.
-    ahead = _sized(iter(Latest(frames) if is_live(frames) else Prefetched(frames)), camera)
+    ahead = _sized(iter(LatestFrames(frames) if is_live(frames) else Prefetched(frames)), camera)
     painting = Painting(meshes, names, camera, setting.config.texture, args.texture_from_start)
     tracker, beginning, ahead = _begun(args, setting, painting, starts, ahead, earlier)
     output, before = new_folder(args.output), [one.rows for one in earlier]

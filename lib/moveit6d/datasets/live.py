@@ -93,11 +93,17 @@ class NetworkVideo:
         return f"{self.name}#{index:06d}"
 
 
-class Latest(ReadBeside):
+class LatestFrames(ReadBeside):
     """The newest frame of a source each time one is asked for; those in between are left out.
 
+    For live sources: a tracker that is slower than the camera would otherwise see the past.
     Reading goes on in a thread of its own, which ends with the source or as soon as the iteration
     is given up.
+
+    Examples:
+        >>> from moveit6d import LatestFrames, open_frames
+        >>> for frame in LatestFrames(open_frames("rtsp://camera/stream")):  # doctest: +SKIP
+        ...     result = tracker.update(frame.image)
     """
 
     def __iter__(self) -> Iterator[VideoFrame]:

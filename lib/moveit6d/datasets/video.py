@@ -78,7 +78,8 @@ def open_frames(source: str | Path | int) -> FrameSource:
     (9.png before 10.png), time stamps as decimals. A pattern takes some of them: a glob pattern
     (`folder/*-color.png`) or printf's (`folder/%06d.jpg`, all such numbers that there are).
     `InputError` if there is nothing to read, and for a folder that holds several series (colour and
-    depth) without a pattern.
+    depth) without a pattern. Every frame comes, also of live sources, however late: who would
+    rather have the newest one takes `LatestFrames(open_frames(…))`.
     """
     if isinstance(source, int):
         return LiveCamera(source)
