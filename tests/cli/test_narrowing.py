@@ -13,8 +13,16 @@ import torch
 from PIL import Image
 
 from moveit6d import InputError
+from moveit6d.cli.common import Setting
 from moveit6d.cli.main import main
-from moveit6d.cli.narrowing import advice, check_first, is_narrowed, known_of, read_mask
+from moveit6d.cli.narrowing import (
+    advice,
+    check_first,
+    is_narrowed,
+    known_of,
+    read_mask,
+    searching_within,
+)
 from moveit6d.datasets.pose_files import read_poses
 from moveit6d.geometry.pose import Pose
 
@@ -176,3 +184,9 @@ def test_a_mask_of_nearly_everything_is_said(tmp_path: Path, capsys: Any) -> Non
     Image.fromarray(photo()).save(tmp_path / "photo.png")
     assert read_mask(tmp_path / "photo.png").all()
     assert "photo.png: the mask is 100 % of the image" in capsys.readouterr().err
+
+
+def test_a_distance_holds_for_the_whole_video() -> None:
+    setting = Setting(None, "embree", 1)
+    assert searching_within(setting, None) is setting
+    assert searching_within(setting, [0.3, 0.8]).config.recovery.distance == (0.3, 0.8)

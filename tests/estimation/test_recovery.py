@@ -49,6 +49,7 @@ class Finder:
         self.length, self.finds, self.searches = length, finds, 0
         self.near: list[bool] = []
         self.taken: list[tuple[Pose, ...]] = []
+        self.distances: list[tuple[float, float] | None] = []
         self.frames: list[Frame] = []
 
     def steps(self, frame: Any, region: Any = None, given: Any = (), most: int = 0) -> Steps:
@@ -57,6 +58,7 @@ class Finder:
         assert most == (16 if near else 40)
         self.near.append(near)
         self.taken.append(() if region is None else region.taken)
+        self.distances.append(None if region is None else region.distance)
         self.frames.append(frame)
         for _ in range(self.length):
             yield
@@ -113,6 +115,19 @@ def test_a_search_may_take_several_frames_and_more_to_come_to_the_present_one(
     assert finder.searches == 1
     # Of one frame at a time, each of which takes longer than the next needs to come, it never does.
     assert found.index(True) + 1 == frames if frames else not any(found)
+
+
+def test_a_known_distance_holds_for_every_search() -> None:
+    for distance in (None, (0.3, 0.8)):
+        finder = Finder(length=1, finds=99)
+        one = supervisor(finder, interval=1, distance=distance)
+        one.assessed(failed(), 0.0)
+        for _ in range(3):
+            one.search(FRAME, POSE)
+        assert finder.near == [True, False, False] and finder.distances == [distance] * 3
+    for wrong in ((0.8, 0.3), (0.0, 1.0)):
+        with pytest.raises(InputError, match="two positive numbers of metres"):
+            RecoveryConfig(distance=wrong)
 
 
 def test_a_lost_object_has_no_pose_but_a_reason() -> None:

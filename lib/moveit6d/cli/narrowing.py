@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from ..estimation.detection import Detection, PoseDetector
     from ..geometry.camera import Camera
     from ..geometry.pose import Pose
+    from .common import Setting
 
 NAMES = ("box", "mask", "points", "distance")
 OF_ONE_FRAME = ("box", "mask", "points")  # and of one object
@@ -54,7 +56,8 @@ def add_narrowing_options(parser: argparse.ArgumentParser, where: str = "") -> A
         type=float,
         nargs=2,
         metavar=("MIN", "MAX"),
-        help="metres from the camera to the object",
+        help="metres from the camera to the object"
+        + (", then and wherever it is looked for later" if where else ""),
     )
     return known
 
@@ -74,6 +77,15 @@ def advice(args: argparse.Namespace) -> str:
 def gives_pose(start: Path) -> bool:
     """Whether one --start is a file, not the word for an object that is to be looked for."""
     return str(start) != LOOK_FOR_IT
+
+
+def searching_within(setting: Setting, distance: Sequence[float] | None) -> Setting:
+    """The setting of a track whose lost objects are looked for in these distances, metres, too."""
+    if distance is None:
+        return setting
+    near, far = distance
+    recovery = replace(setting.config.recovery, distance=(near, far))
+    return replace(setting, config=replace(setting.config, recovery=recovery))
 
 
 def is_narrowed(args: argparse.Namespace) -> bool:

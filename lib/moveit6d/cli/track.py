@@ -27,7 +27,7 @@ from .common import (
 from .earlier import clear_earlier
 from .journal import Journal, journal_file
 from .messages import note, progress
-from .narrowing import add_narrowing_options, check_first, gives_pose
+from .narrowing import add_narrowing_options, check_first, gives_pose, searching_within
 from .no_effect import note_without_effect
 from .not_found import say_why
 from .objects import load_meshes, note_without_colours, object_names, read_starts
@@ -205,7 +205,7 @@ def run(args: argparse.Namespace) -> int:
     starts, frames = _starts(args, meshes), open_frames(args.video)
     camera = camera_of(args, frames)
     _check_files(args, frames, names)
-    setting = Setting.of(args)
+    setting = searching_within(Setting.of(args), args.distance)
     facts = track_facts(args, setting.config)
     earlier = earlier_tracks(args, facts, names, [mesh.center for mesh in meshes])
     # What is live and read ahead would show the past.

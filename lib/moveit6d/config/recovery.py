@@ -135,6 +135,8 @@ class RecoveryConfig:
             every second one. More of them are safer to follow, and take longer.
         stride: frames from one in which the object is then followed to the next: each may take
             longer than a new frame takes to come.
+        distance: metres from the camera, the nearer first, between which lost objects are looked
+            for; None: wherever they can be seen.
         half_turn_frames: after an object was found, it is compared in so many frames with itself
             turned by half (upside down, back to front), and followed on as what is more likely; 0
             never.
@@ -151,6 +153,7 @@ class RecoveryConfig:
     max_milliseconds: float | None = None
     frames_kept: int = 24
     stride: int = 2
+    distance: tuple[float, float] | None = None
     half_turn_frames: int = 4
     half_turn_interval: int = 5
     half_turn_evidence: float = 0.5
@@ -167,6 +170,11 @@ class RecoveryConfig:
             raise InputError(
                 "RecoveryConfig: frames_kept and stride must be 1 or more, found "
                 f"{self.frames_kept} and {self.stride}."
+            )
+        if self.distance is not None and not 0 < self.distance[0] <= self.distance[1]:
+            raise InputError(
+                "RecoveryConfig: distance must be two positive numbers of metres, the nearer "
+                f"first, found {self.distance}."
             )
         if self.half_turn_interval < 1 or min(self.half_turn_frames, self.half_turn_evidence) < 0:
             raise InputError(

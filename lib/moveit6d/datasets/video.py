@@ -12,7 +12,7 @@ import threading
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import unquote, urlsplit
@@ -211,14 +211,19 @@ class ImageList:
     def frame(self, index: int) -> VideoFrame:
         """The frame of that number; the last one is kept, and not decoded again."""
         if self._last is not None and self._last[0] == (index, self.depth.bits):
-            return self._last[1]
+            return _own(self._last[1])
         path = self.paths[index]
         try:
             frame = VideoFrame(index, path.name, read_image(path, self.depth))
         except InputError as error:
             frame = VideoFrame(index, path.name, None, str(error))
-        self._last = (index, self.depth.bits), frame
+        self._last = (index, self.depth.bits), _own(frame)
         return frame
+
+
+def _own(frame: VideoFrame) -> VideoFrame:
+    """The same frame with pixels of its own: who has the other one may draw on it."""
+    return frame if frame.image is None else replace(frame, image=frame.image.copy())
 
 
 class ImageFolder(ImageList):

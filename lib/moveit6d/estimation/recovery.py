@@ -131,12 +131,12 @@ class Supervisor:
         """A new search: near a pose, or in the whole image."""
         if self.config.max_milliseconds is not None:
             frame = frame.copy()  # the search goes on when the caller has the image again
+        known = SearchRegion(distance=self.config.distance, near=near, taken=tuple(taken))
+        region = None if known.empty else known
         if near is None:
-            region = SearchRegion(taken=tuple(taken)) if taken else None
             steps = detector.steps(frame, region, most=detector.config.stages[0][0])
         else:
-            most, region = self.config.near_candidates, SearchRegion(near=near, taken=tuple(taken))
-            steps = detector.steps(frame, region, (near,), most=most)
+            steps = detector.steps(frame, region, (near,), most=self.config.near_candidates)
         return CatchUp(detector, steps, self.config)
 
     def _finished(self, pose: Pose | None) -> Pose | None:
