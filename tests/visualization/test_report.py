@@ -16,6 +16,7 @@ from moveit6d.datasets.video import VideoFrame
 from moveit6d.errors import InputError
 from moveit6d.evaluation.run_tracker import TrackSummary
 from moveit6d.rendering.backends import make_renderer
+from moveit6d.visualization import report
 from moveit6d.visualization.curves import LEFT, RIGHT
 from moveit6d.visualization.report import Run, index_page, report_page, write_report
 from tests.support.browser import open_page
@@ -91,6 +92,11 @@ def test_without_truth_confidence_says_what_is_bad(run: Run) -> None:
     assert worst_pictures(page)[:2] == [5, 3]
     assert "ADD" not in page and "max_iterations" in page and "30 steps" in page
     assert sorted(re.findall(r'<tr class="bad" id="f(\d)"', page)) == ["3", "5"]
+
+
+def test_a_frame_without_a_pose_says_why_and_no_more(run: Run) -> None:
+    assert report._says(replace(run, failures={5: "It is lost."}), 5) == "It is lost"
+    assert report._says(replace(run, failures={}), 5) == "no pose"
 
 
 def test_a_state_says_more_than_the_confidence(run: Run) -> None:

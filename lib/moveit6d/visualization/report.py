@@ -198,14 +198,14 @@ def _says(run: Run, frame: int) -> str:
         error = run.errors[frame]
         words.append(f"ADD {1000 * error.add:.1f} mm ({100 * error.add / run.mesh.diameter:.1f} %)")
     if row.pose is None:
-        words.append(run.failures.get(frame, "no pose"))
+        words.append(run.failures.get(frame, "no pose").rstrip("."))
     elif row.state and row.state != TrackingState.TRACKING:
         words.append(row.state)
     if row.confidence is not None:
         words.append(f"confidence {row.confidence:.2f}")
     if row.iterations is not None:
         words.append("1 step" if row.iterations == 1 else f"{row.iterations} steps")
-    if row.stopped_by:
+    if row.stopped_by and row.pose is not None:
         words.append(row.stopped_by)
     return ", ".join(words) if words else "given"
 
