@@ -13,6 +13,7 @@ from PIL import Image
 from moveit6d.cli.main import main
 from tests.support.configs import FAST_DETECTION
 from tests.support.patches import BOX
+from tests.support.settings_read import UNWRITTEN, offered, recorded
 
 Make = Callable[..., Any]
 
@@ -102,3 +103,33 @@ def test_a_share_of_occluded_cases_is_from_0_to_1(share: str, capsys: Any) -> No
     with pytest.raises(SystemExit) as ending:
         main(words)
     assert ending.value.code == 2 and "must be a number from 0 to 1" in capsys.readouterr().err
+
+
+def test_options_of_rendered_images_are_the_settings_that_they_read(
+    brick_file: Path, tmp_path: Path
+) -> None:
+    photo = np.random.default_rng(0).integers(0, 255, (160, 200, 3), np.uint8)
+    Image.fromarray(photo).save(tmp_path / "photo.png")
+    words = ["benchmark", "refinement", "--objects", str(brick_file.parent), "--number", "1"]
+    words += ["--photos", str(tmp_path), "--multi_start.below", "1"]
+    with recorded() as read:
+        assert main(words) == 0
+        assert main([*words, "--mode", "single", "--max_iterations", "2"]) == 0
+    known = {one for one in read if one[0] not in ("DetectorConfig", "SeedDetectorConfig")}
+    assert known - UNWRITTEN == offered("benchmark", "refinement")
+
+
+@pytest.mark.parametrize(
+    ("kind", "option"),
+    [
+        ("detection", "--recovery.interval"),
+        ("detection", "--detection.region.stages"),
+        ("motion", "--single_image.intercept"),
+        ("recovery", "--multi_start.rounds"),
+        ("tracking", "--loop.width_error"),
+    ],
+)
+def test_options_that_change_nothing_do_not_exist(kind: str, option: str, capsys: Any) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["benchmark", kind, option, "1"])
+    assert ended.value.code == 2 and f"there is no option {option}" in capsys.readouterr().err

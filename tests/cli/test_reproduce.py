@@ -25,6 +25,7 @@ from moveit6d.estimation import PoseTracker
 from moveit6d.evaluation.runner import OWN_COLUMNS
 from moveit6d.geometry.pose import Pose
 from moveit6d.policies import OraclePolicy
+from tests.support.settings_read import UNWRITTEN, offered, recorded
 
 Make = Callable[..., Any]
 FRAMES = 4
@@ -162,6 +163,16 @@ def test_runtime_with_and_without_data(own: Path, tmp_path: Path, capsys: Any) -
         assert ("frames" in content["tables"]) == bool(extra)
         assert content["tables"]["iteration"][1]["paper"] == 5.2
         assert "surrogate" in capsys.readouterr().out
+
+
+def test_options_of_convergence_are_the_settings_that_it_reads(own: Path, tmp_path: Path) -> None:
+    words = ["reproduce", "convergence", "--data", str(own), "--frames", "1", "--m", "2"]
+    words += ["--output", str(tmp_path / "out")]
+    with recorded() as read:
+        assert main(words) == 0
+        assert main([*words, "--mode", "all_axes", "--loop.fine_stage", "true"]) == 0
+    assert {one for one in read if one[0] == "LoopConfig"} - UNWRITTEN == offered(*words[:2])
+    assert not offered("reproduce", "attention")
 
 
 def test_frame_times_are_those_of_this_run(own: Path, tmp_path: Path) -> None:

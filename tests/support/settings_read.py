@@ -33,12 +33,15 @@ def recorded() -> Iterator[Settings]:
         yield found
 
 
-def offered(verb: str) -> Settings:
-    """The settings for which a verb has an option."""
-    (verbs,) = (one for one in make_parser()._actions if isinstance(one.choices, dict))
+def offered(*verbs: str) -> Settings:
+    """The settings for which a verb, or an inner one, has an option."""
+    parser: Any = make_parser()
+    for verb in verbs:
+        (inner,) = (one for one in parser._actions if isinstance(one.choices, dict))
+        parser = inner.choices[verb]
     names = {
         action.dest.removeprefix(PREFIX)
-        for action in verbs.choices[verb]._actions
+        for action in parser._actions
         if action.dest.startswith(PREFIX)
     }
     places = _places(TrackerConfig())

@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from . import benchmark_detection, benchmark_tracking
+from . import benchmark_detection, benchmark_tracking, refine
 from .common import (
     CLUSTERS,
     UNITS,
@@ -27,6 +27,12 @@ from .common import (
     use_threads,
 )
 from .messages import progress
+from .settings import SettingsPart
+
+# The settings that decide about a rendered image in which no object is lost.
+READ = SettingsPart(
+    ("loop", "multi_start", "single_image", "contour"), but=(*refine.READ.but, "loop.width_error")
+)
 
 DESCRIPTION = """\
   moveit6d benchmark tracking   tracks whole sequences, beside rivals' results
@@ -110,7 +116,7 @@ def add_parser(verbs: Any) -> None:
     three.add_argument("--number", type=positive, default=200, metavar="N", help="cases")
     three.add_argument("--seed", type=seed, default=0, metavar="N", help="of the cases")
     add_untextured_option(three)
-    add_tracking_options(three)
+    add_tracking_options(three, part=READ)
     three.set_defaults(run=refinement)
     four = add_verb(kinds, "oracle", "prove the loop", ORACLE, ORACLE_EXAMPLES)
     four.add_argument("--starts", type=positive, default=100, metavar="N", help="loops a mode")

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from . import track
 from .apart import check_apart, files_of_sequences, given_paths
 from .common import (
     UNITS,
@@ -24,8 +25,12 @@ from .common import (
     positive,
     seed,
 )
+from .detect import TEMPLATES
 from .messages import note, progress
+from .settings import SettingsPart
 
+# The settings that decide about a search of the whole image.
+READ = SettingsPart(TEMPLATES.names, but=(*TEMPLATES.but, "detection.region"))
 FASTEST = 1000  # pixels a frame: beyond any picture
 DETECTION = """\
 Looks for the object of every sequence in single frames, from nothing, and prints how often ADD(-S)
@@ -72,13 +77,13 @@ def add_kinds(kinds: Any) -> None:
     one.add_argument("--objects", type=Path, metavar="DIR", help="meshes, metres")
     one.add_argument("--limit", type=positive, metavar="N", help="photos at most, evenly chosen")
     add_untextured_option(one)
-    add_tracking_options(one)
+    add_tracking_options(one, part=READ)
     one.set_defaults(run=run_detection)
     two = add_verb(kinds, "recovery", "lose objects and find them", RECOVERY, RECOVERY_EXAMPLES)
     two.add_argument("--sequences", type=Path, required=True, metavar="DIR", help="folders")
     two.add_argument("--photos", type=Path, required=True, metavar="DIR", help="other pictures")
     two.add_argument("--output", type=Path, required=True, metavar="DIR", help="NAME.csv each")
-    add_tracking_options(two)
+    add_tracking_options(two, part=track.READ)
     two.set_defaults(run=run_recovery)
     three = add_verb(kinds, "motion", "iterations by speed", MOTION, MOTION_EXAMPLES)
     three.add_argument("--mesh", type=Path, metavar="FILE", help="the object")
@@ -90,7 +95,7 @@ def add_kinds(kinds: Any) -> None:
     three.add_argument("--frames", type=positive, default=40, metavar="N", help="of each")
     three.add_argument("--seed", type=seed, default=0, metavar="N", help="of the sequences")
     add_untextured_option(three)
-    add_tracking_options(three)
+    add_tracking_options(three, part=track.READ)
     three.set_defaults(run=run_motion)
 
 

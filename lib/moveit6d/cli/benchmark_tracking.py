@@ -23,6 +23,7 @@ from .common import (
     weights_facts,
 )
 from .messages import note
+from .track import READ
 
 if TYPE_CHECKING:
     from ..datasets.sequences import Sequence
@@ -92,7 +93,7 @@ def add_kind(kinds: Any) -> None:
     files.add_argument("--rerun", type=Path, metavar="DIR", help="write an .rrd a sequence")
     files.add_argument("--resume", action="store_true", help="go on with what --output holds")
     add_jobs_options(parser)
-    add_tracking_options(parser)
+    add_tracking_options(parser, part=READ)
     parser.set_defaults(run=run)
 
 

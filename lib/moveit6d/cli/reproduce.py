@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from ..config import PAPER_CONFIG, SeedDetectorConfig, TrackerConfig
 from ..errors import InputError
 from ..extras import require
+from . import track
 from .apart import check_apart, files_of_sequences, given_paths
 from .common import (
     DATASET_FORMATS,
@@ -31,6 +32,7 @@ from .common import (
 from .messages import note, progress
 from .reproduce_pages import DESCRIPTION, EPILOG, KINDS
 from .seed_options import add_seed_options, seeds_of
+from .settings import EVERYTHING, SettingsPart
 
 if TYPE_CHECKING:
     from ..datasets.sequences import Sequence
@@ -42,6 +44,14 @@ if TYPE_CHECKING:
 SEEDS = SeedDetectorConfig(criterion="iterations")  # the paper's criterion
 WRITTEN = (".md", ".json", ".csv", ".png", ".svg")
 FROM_TRACKS = ("ycb_add", "ycb_auc", "laval")  # may work in several processes
+# The settings that these read; the others may read all.
+PARTS = {
+    **dict.fromkeys(FROM_TRACKS, track.READ),
+    "convergence": SettingsPart(
+        ("loop",), but=("loop.augment", "loop.width_error", "loop.displacement_error")
+    ),
+    "attention": SettingsPart(()),
+}
 
 
 def _bases() -> dict[str, TrackerConfig]:
@@ -84,7 +94,7 @@ def add_parser(verbs: Any) -> None:
         _add_own(one, name)
         if name in FROM_TRACKS:
             add_jobs_options(one)
-        add_tracking_options(one, _bases().get(name, PAPER_CONFIG))
+        add_tracking_options(one, _bases().get(name, PAPER_CONFIG), PARTS.get(name, EVERYTHING))
         one.set_defaults(run=run, name=name)
 
 
