@@ -225,7 +225,10 @@ def _own_handlers() -> Iterator[None]:
     """What this program does at signals stays: Ray's way to end is to abort."""
     numbers = (signal.SIGTERM, signal.SIGINT)
     heard = {number: signal.getsignal(number) for number in numbers}
-    yield
-    if current_thread() is main_thread():
-        for number, handler in heard.items():
-            signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        if current_thread() is main_thread():
+            for number, handler in heard.items():
+                if handler is not None:
+                    signal.signal(number, handler)

@@ -11,7 +11,8 @@ import pytest
 
 from moveit6d import Camera, InputError, Mesh, Pose
 from moveit6d.cli.common import Setting
-from moveit6d.cli.detect_search import check_objects, image_search, known_by, objects_of
+from moveit6d.cli.detect_search import check_objects, image_search, known_by
+from moveit6d.cli.objects import load_meshes
 from moveit6d.estimation.detection import Detection, FoundPose
 from moveit6d.estimation.results import StopReason, TrackingResult
 from tests.support.clip import write_other
@@ -44,7 +45,7 @@ def test_objects_share_the_image_and_instances_of_a_mesh_are_dealt_out(
     (tmp_path / "mesh.ply").write_bytes(brick_file.read_bytes())
     can = write_other(tmp_path).rename(tmp_path / "can.ply")
     args = options(brick_file, can, brick_file, instances=2, distance=[0.3, 0.8])
-    camera, meshes = Camera(90, 90, 39.5, 29.5, 80, 60), objects_of(args)
+    camera, meshes = Camera(90, 90, 39.5, 29.5, 80, 60), load_meshes(args)
     search = image_search(args, setting, meshes, camera, known_by(args, meshes))
     assert search.names == ["brick_1", "can", "brick_2"]
     asked: list[Any] = []

@@ -40,6 +40,24 @@ def test_what_nothing_replaces_is_removed(
     )
 
 
+def test_pages_of_several_objects_and_the_start_picture_go_too(tmp_path: Path) -> None:
+    facts = {
+        "arguments": {"report": str(tmp_path / "page.html"), "rerun": str(tmp_path / "log.rrd")},
+        "objects": {"cup": {}, "can": {}, "../up": {}},
+        "start_picture": "start.png",
+    }
+    (tmp_path / "summary.json").write_text(json.dumps(facts))
+    gone = {"page_cup.html", "page_can.html", "log_cup.rrd", "log_can_000012.rrd", "start.png"}
+    stay = {"page.html", "page_bowl.html", "cup.png"}
+    for name in gone | stay:
+        (tmp_path / name).write_text("earlier")
+    clear_earlier(tmp_path, ())
+    assert {path.name for path in tmp_path.iterdir()} == stay
+    (tmp_path / "summary.json").write_text('{"arguments": {}, "start_picture": "cup.png"}')
+    clear_earlier(tmp_path, ())
+    assert {path.name for path in tmp_path.iterdir()} == stay, "no file that a track writes"
+
+
 def test_files_of_a_track_that_was_gone_on_with_go_with_it(tmp_path: Path) -> None:
     earlier(tmp_path, rerun=str(tmp_path / "run.rrd"))
     for name in ("run_000012.rrd", "run_2_copy.rrd", "other_000012.rrd"):

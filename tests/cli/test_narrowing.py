@@ -12,7 +12,7 @@ import pytest
 import torch
 from PIL import Image
 
-from moveit6d import InputError
+from moveit6d import Camera, InputError
 from moveit6d.cli.common import Setting
 from moveit6d.cli.main import main
 from moveit6d.cli.narrowing import (
@@ -23,7 +23,9 @@ from moveit6d.cli.narrowing import (
     read_mask,
     searching_within,
 )
+from moveit6d.config import RegionConfig
 from moveit6d.datasets.pose_files import read_poses
+from moveit6d.estimation.detection import SearchRegion
 from moveit6d.geometry.pose import Pose
 
 Make = Callable[..., Any]
@@ -109,10 +111,13 @@ def test_a_box_and_a_mask_of_two_places_are_refused(made: Any, capsys: Any) -> N
     both = ["--mask", str(made.folder / "mask.png"), "--box"]
     assert track(made, *both, "100", "80", "40", "30") == 2
     said = capsys.readouterr().err
-    assert "--box and --mask contradict each other: 0 % of the mask is inside of the box" in said
+    assert "box and mask contradict each other: 0 % of the mask is inside of the box" in said
     assert "the mask reaches from 50 40 to 89 69. Leave one of them out." in said
     args = Namespace(**{**NOTHING, "mask": made.folder / "mask.png", "box": [30, 30, 40, 40]})
-    assert known_of(args, "m")["mask"].any(), "drawn roughly"
+    known = known_of(args, "m")
+    assert known["mask"].any(), "drawn roughly"
+    camera = Camera(180.0, 182.0, 78.0, 61.0, 160, 120)
+    SearchRegion.checked(camera, known["box"], known["mask"]).check_common(RegionConfig())
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,7 @@ def test_units_are_one_or_one_each(brick_file: Path) -> None:
 def test_starts_are_one_each_or_none_at_all(tmp_path: Path) -> None:
     Pose.identity().save(tmp_path / "a.json")
     assert read_starts(Namespace(start=None, exact_start=False), 2) == [None, None]
-    given = [tmp_path / "a.json", Path("none")]
+    given = [tmp_path / "a.json", None]
     known, unknown = read_starts(Namespace(start=given, exact_start=False), 2)
     assert known is not None and unknown is None
     with pytest.raises(InputError, match="all poses: give --start for each mesh"):

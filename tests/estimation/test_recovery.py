@@ -292,10 +292,28 @@ def test_a_lost_object_costs_few_searches() -> None:
 def test_the_probability_that_the_states_go_by_is_given_out(brick: Any, coloured: bool) -> None:
     mesh = brick if coloured else Mesh.from_arrays("plain", brick.vertices, brick.faces)
     assert mesh.has_colours is coloured
-    one = Supervisor(None, RecoveryConfig(), True)
+    one = Supervisor(None, RecoveryConfig(), True, coloured=mesh.has_colours)
     result = TrackingResult(POSE, 3, StopReason.STOP_ACTION, 0.72, 5.0)
-    told = one.assessed(result, 0.4, mesh)
+    told = one.assessed(result, 0.4)
     assert told.confidence == 0.72
     assert told.probability == probability_of(StateConfig(), 0.72, 0.4, coloured)
     assert told.state is (TrackingState.TRACKING if coloured else TrackingState.UNCERTAIN)
-    assert one.assessed(failed(), 0.4, mesh).probability is None
+    assert one.assessed(failed(), 0.4).probability is None
+
+
+def test_a_mesh_is_looked_at_once(scene: Any, policy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    looked: list[bool] = []
+    has_colours = Mesh.has_colours.fget
+    assert has_colours is not None
+
+    def counted(mesh: Mesh) -> bool:
+        looked.append(True)
+        return bool(has_colours(mesh))
+
+    monkeypatch.setattr(Mesh, "has_colours", property(counted))
+    plain = Mesh.from_arrays("plain", scene.mesh.vertices + scene.mesh.center, scene.mesh.faces)
+    config = TrackerConfig(recovery=RecoveryConfig(False))
+    tracker = PoseTracker(plain, scene.camera, scene.pose(0), policy=policy, config=config)
+    for _ in range(3):
+        tracker.update(scene.image(0))
+    assert len(looked) == 1 and not tracker.supervisors[0].coloured

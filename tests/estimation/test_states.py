@@ -69,19 +69,3 @@ def test_of_a_mesh_without_colours_the_confidence_says_less() -> None:
         assert plain < probability_of(config, confidence, 0.45)
     # Such poses were taken for right, of which a third are.
     assert probability_of(config, 0.72, 0.4, coloured=False) < config.doubted
-
-
-def test_a_mesh_is_looked_at_once() -> None:
-    class Looked:
-        times = 0
-
-        @property
-        def has_colours(self) -> bool:
-            Looked.times += 1
-            return False
-
-    machine, mesh = StateMachine(), Looked()
-    assert machine.probability(0.7, 0.4, None) == probability_of(StateConfig(), 0.7, 0.4)
-    expected = probability_of(StateConfig(), 0.7, 0.4, coloured=False)
-    assert [machine.probability(0.7, 0.4, mesh) for _ in range(3)] == [expected] * 3  # type: ignore[arg-type]
-    assert Looked.times == 1

@@ -17,7 +17,7 @@ from .. import __version__
 from ..config import TrackerConfig
 from ..errors import InputError
 from ..io import check_folder, file_digest
-from .messages import NORMAL, add_message_options, adopt_level, get_level
+from .messages import NORMAL, QUIET, VERBOSE, add_message_options, get_level, set_level
 from .settings import DEFAULT, EVERYTHING, PREFIX, SettingsPart, add_settings, settings_of
 from .watching import Watcher
 
@@ -217,7 +217,7 @@ class Setting:
 @lru_cache(maxsize=1)
 def tools(setting: Setting) -> tuple[Policy, Renderer]:
     """Policy and renderer of a worker process, made once; it says as much as its parent."""
-    adopt_level(setting.level)
+    set_level(setting.level == QUIET, setting.level == VERBOSE)
     return make_tools(setting)
 
 

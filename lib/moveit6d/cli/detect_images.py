@@ -26,13 +26,13 @@ from .detect_answers import (
     pose_file,
     rows,
 )
-from .detect_search import ImageSearch, check_objects, image_search, known_by, objects_of
+from .detect_search import ImageSearch, check_objects, image_search, known_by
 from .detect_verdict import verdict
 from .earlier import DETECTION, TABLE, clear_detection, clear_earlier
 from .journal import Journal, file_facts, journal_file
 from .messages import note, progress
 from .narrowing import unconfirmed
-from .objects import object_names
+from .objects import load_meshes, object_names
 from .seed_options import DEST, given_seed_options
 from .settings import check_settings
 
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
 
     _check_options(args)
     check_objects(args)
-    meshes, images = objects_of(args), ImageList(tuple(args.image))
+    meshes, images = load_meshes(args), ImageList(tuple(args.image))
     _check_images(images.paths)
     _check_output(args)
     camera, known = camera_of(args, images), known_by(args, meshes)

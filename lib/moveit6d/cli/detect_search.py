@@ -14,8 +14,8 @@ from ..config import SeedDetectorConfig
 from ..errors import InputError
 from .common import Setting, make_tools
 from .messages import note
-from .narrowing import known_of
-from .objects import load_meshes, object_names
+from .narrowing import OF_ONE_FRAME, known_of
+from .objects import object_names
 from .seed_options import seeds_of
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..geometry.camera import Camera
     from ..geometry.mesh import Mesh
 
-OF_ONE = ("box", "mask", "points", "start")  # what is known of one object alone
+OF_ONE = (*OF_ONE_FRAME, "start")  # what is known of one object alone
 
 
 @dataclass(frozen=True)
@@ -107,11 +107,6 @@ def check_objects(args: argparse.Namespace) -> None:
             f"--points are pixels of one image and are taken for all {len(args.image)}: object and "
             "camera must stand still in them."
         )
-
-
-def objects_of(args: argparse.Namespace) -> list[Mesh]:
-    """The meshes of --mesh."""
-    return load_meshes(argparse.Namespace(**vars(args), texture_from_start=False))
 
 
 def known_by(args: argparse.Namespace, meshes: Sequence[Mesh]) -> dict[str, Any]:

@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING
 from ..errors import InputError
 from .common import NOT_FOUND
 from .detect_answers import Answer, pose_file
+from .detect_search import OF_ONE
 from .earlier import TABLE
 from .messages import note
 from .narrowing import advice as what_narrows
 
 if TYPE_CHECKING:
     from ..geometry.mesh import Mesh
-
-OF_ONE = "--box, --mask, --points or --start"  # what is known of one object
 
 
 def verdict(
@@ -136,7 +135,9 @@ def advice(args: argparse.Namespace, meshes: Sequence[Mesh]) -> str:
     text = _colours(args, [mesh.name for mesh in meshes if not mesh.has_colours])
     if len(args.mesh) > 1:
         distance = "narrow the search by" if args.distance is None else "check"
-        return f"{text}; {distance} --distance, or look for one object alone with {OF_ONE}"
+        *some, last = (f"--{name}" for name in OF_ONE)
+        of_one = f"{', '.join(some)} or {last}"
+        return f"{text}; {distance} --distance, or look for one object alone with {of_one}"
     if args.points is not None:
         return f"{text}; check --points by what the overlay shows"
     return text if args.method == "seeds" else text + what_narrows(args)

@@ -15,6 +15,7 @@ from typing import Any
 from .journal import journal_file
 from .messages import note
 
+PICTURE, START_PICTURE = "start.png", "start_picture"  # the file, and who names it in summaries
 TABLE, SUMMARY, DETECTION = "poses.csv", "summary.json", "detection.json"
 OF_DETECTION = re.compile(
     r"poses\.csv|detection\.json|pose(_[^/]+)?\.json|overlay\.png|overlay/[^/]+\.png"
@@ -59,13 +60,18 @@ def clear_earlier(folder: Path, written: Iterable[Path | None]) -> None:
 
 def _files(folder: Path, summary: Path) -> list[Path]:
     """The earlier track's files in the folder that a new one need not have."""
-    given = _content(summary).get("arguments")
+    content = _content(summary)
+    given, objects = content.get("arguments"), content.get("objects")
     named = [given.get(name) for name in ("report", "rerun")] if isinstance(given, dict) else []
+    files = [Path(name) for name in named if isinstance(name, str)]
+    if isinstance(objects, dict):  # each has its own
+        files = [p.parent / f"{p.stem}_{name}{p.suffix}" for p in files for name in objects]
     inside = [
         path
-        for path in (Path(name) for name in named if isinstance(name, str))
+        for path in files
         if path.suffix in (".html", ".rrd") and path.resolve().parent == folder.resolve()
     ]
+    inside += [folder / PICTURE] if content.get(START_PICTURE) == PICTURE else []
     logs = [path for path in inside if path.suffix == ".rrd"]
     bases = [folder / "overlay.mp4", *logs]
     later = [path for base in bases for path in _numbered(base)]

@@ -104,7 +104,7 @@ def file_facts(args: argparse.Namespace) -> dict[str, Any]:
         digest = mesh_digest if name == "mesh" else file_digest
         given = getattr(args, name, None)
         if isinstance(given, list):
-            found[f"{name}{CONTENT}"] = [digest(path) for path in given]
+            found[f"{name}{CONTENT}"] = [path and digest(path) for path in given]
         else:
             found[f"{name}{CONTENT}"] = digest(given) if isinstance(given, Path) else None
     return found

@@ -51,12 +51,6 @@ def get_level() -> int:
     return _level
 
 
-def adopt_level(level: int) -> None:
-    """Say as much as the process whose worker this one is."""
-    global _level
-    _level = level
-
-
 def is_verbose() -> bool:
     """Whether details are wanted."""
     return _level == VERBOSE

@@ -26,7 +26,6 @@ OF_ONE_FRAME = ("box", "mask", "points")  # and of one object
 LOOK_FOR_IT = "none"  # of --start: the pose of this object is not known
 DARK, HALF, WHITE = 16, 128, 224  # of 255, in a picture of a mask
 MOST_OF_IMAGE = 0.95  # a mask of more is a mistake
-LEAST_COMMON = 0.3  # part of the smaller one of box and mask, which are drawn roughly
 
 
 def add_narrowing_options(parser: argparse.ArgumentParser, where: str = "") -> Any:
@@ -74,9 +73,9 @@ def advice(args: argparse.Namespace) -> str:
     return f"{check}, or narrow the search by {free}" if free else check
 
 
-def gives_pose(start: Path) -> bool:
-    """Whether one --start is a file, not the word for an object that is to be looked for."""
-    return str(start) != LOOK_FOR_IT
+def start_file(text: str) -> Path | None:
+    """One --start: a file, or None by the word for an object that is to be looked for."""
+    return None if text == LOOK_FOR_IT else Path(text)
 
 
 def searching_within(setting: Setting, distance: Sequence[float] | None) -> Setting:
@@ -102,42 +101,20 @@ def check_first(args: argparse.Namespace) -> None:
             "--box, --mask and --points are for one object; of several give --distance, which is "
             "for all that are looked for, or a --start for each."
         )
-    if args.start and all(map(gives_pose, args.start)):
+    if args.start and all(args.start):
         raise InputError("--start says the pose; leave out --box, --mask, --points and --distance.")
 
 
 def known_of(args: argparse.Namespace, unit: str) -> dict[str, Any]:
-    """What the options say, as `PoseDetector.detect` takes it; `unit` is that of the points.
-
-    `InputError` where a file cannot be used, or where box and mask contradict each other.
-    """
+    """What the options say, as `PoseDetector.detect` takes it; `unit` is that of the points."""
     from ..estimation.detection.points import read_points
 
-    mask = None if args.mask is None else read_mask(args.mask)
-    if args.box is not None and mask is not None:
-        _check_common(args.box, mask)
     return {
         "box": args.box,
-        "mask": mask,
+        "mask": None if args.mask is None else read_mask(args.mask),
         "points": None if args.points is None else read_points(args.points, unit),
         "distance": args.distance,
     }
-
-
-def _check_common(box: Sequence[float], mask: Any) -> None:
-    """`InputError` where a box (x, y, width, height) and a mask (H, W) show two places."""
-    import numpy as np
-
-    rows, columns = np.nonzero(mask)
-    x, y, width, height = box
-    inside = (x <= columns + 0.5) & (columns - 0.5 <= x + width)
-    inside &= (y <= rows + 0.5) & (rows - 0.5 <= y + height)
-    if len(rows) and inside.sum() < LEAST_COMMON * min(len(rows), width * height):
-        raise InputError(
-            f"--box and --mask contradict each other: {100 * inside.mean():.0f} % of the mask is "
-            f"inside of the box; the mask reaches from {columns.min()} {rows.min()} to "
-            f"{columns.max()} {rows.max()}. Leave one of them out."
-        )
 
 
 def first_pose(

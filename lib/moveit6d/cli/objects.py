@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from .messages import detail, note
-from .narrowing import LOOK_FOR_IT, gives_pose
+from .narrowing import LOOK_FOR_IT
 
 if TYPE_CHECKING:
     from ..geometry.mesh import Mesh
@@ -32,7 +32,7 @@ def load_meshes(args: argparse.Namespace) -> list[Mesh]:
             "one for each mesh."
         )
     units = units * len(args.mesh) if len(units) == 1 else units
-    plain = args.allow_untextured or args.texture_from_start
+    plain = args.allow_untextured or getattr(args, "texture_from_start", False)
     meshes = [
         Mesh.load(path, unit, allow_untextured=plain)
         for path, unit in zip(args.mesh, units, strict=True)
@@ -46,8 +46,8 @@ def read_starts(args: argparse.Namespace, count: int) -> list[Pose | None]:
     """The poses of --start, one a mesh; None where objects are to be looked for."""
     from ..geometry.pose import Pose
 
-    given = args.start or [Path(LOOK_FOR_IT)] * count
-    if args.exact_start and not all(map(gives_pose, given)):
+    given = args.start or [None] * count
+    if args.exact_start and not all(given):
         whose = "the pose: give --start" if count == 1 else "all poses: give --start for each mesh"
         raise InputError(f"--exact_start needs {whose}.")
     if len(given) != count:
@@ -55,7 +55,7 @@ def read_starts(args: argparse.Namespace, count: int) -> list[Pose | None]:
             f"{count} times --mesh but {len(given)} times --start; give one for each mesh "
             f"({LOOK_FOR_IT} for an object to look for), or leave out --start to look for all."
         )
-    return [Pose.load(path) if gives_pose(path) else None for path in given]
+    return [path and Pose.load(path) for path in given]
 
 
 def object_names(paths: Sequence[Path]) -> list[str]:

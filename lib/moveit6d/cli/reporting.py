@@ -110,6 +110,13 @@ def reporting(
             write_report(path, run, renderer)
 
 
+def movie_file(path: Path | None, fps: float | None) -> AbstractContextManager[Any]:
+    """The video at a path in the making; None, and nothing is written, without one."""
+    from ..visualization.video import VideoWriter
+
+    return nullcontext() if path is None else VideoWriter(path, fps)
+
+
 def rerun_log(
     path: Path | None, mesh: Mesh, camera: Camera, truth: Mapping[int, Pose] | None = None
 ) -> AbstractContextManager[Any]:

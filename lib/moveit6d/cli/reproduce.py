@@ -286,7 +286,6 @@ def _runtime(args: argparse.Namespace) -> Reproduction:
 
     tracks: list[ScoredTrack] = []
     data = "surrogate (an object made by the library)"
-    mesh = None
     if args.data is None:
         _check_output(args, [])
         mesh = demo_object()
@@ -295,7 +294,6 @@ def _runtime(args: argparse.Namespace) -> Reproduction:
         mesh = videos[0].load_mesh()
         # Anew: times of another day, of more threads or of another machine are others.
         tracks, _ = _tracks(args, videos, args.weights, resume=False)
-    assert mesh is not None
     setting = _setting(args, args.weights)
     policy, renderer = make_tools(setting)
     count = args.repeats + WARM_UP

@@ -29,7 +29,6 @@ from .journal import (
     read_journal,
 )
 from .narrowing import NAMES as NARROWING
-from .narrowing import gives_pose
 from .settings import fields_of
 
 if TYPE_CHECKING:
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
     from ..datasets.video import VideoFrame
     from ..estimation.recovery import Supervisor
     from ..evaluation.run_tracker import AnyTracker
-    from ..geometry.mesh import Mesh
     from ..geometry.pose import Pose
 
 # In journals and summaries: the pose that a search in the first frame gave; of several objects a
@@ -138,19 +136,9 @@ def track_facts(args: argparse.Namespace, config: TrackerConfig) -> dict[str, An
     arguments = {name: plain(getattr(args, name, None)) for name in SAME}
     weights = {"weights": weights_facts(args.weights)["weights_sha256"]}
     settings = {name: value for name, _, _, value in fields_of(config)}
-    every = {**arguments, **weights, **_file_facts(args), **settings}
+    every = {**arguments, **weights, **file_facts(args), **settings}
     facts: dict[str, Any] = json.loads(json.dumps(every))
     return facts
-
-
-def _file_facts(args: argparse.Namespace) -> dict[str, Any]:
-    """`file_facts`, with None for a --start that is no file."""
-    starts = args.start or []
-    files = argparse.Namespace(**{**vars(args), "start": [p for p in starts if gives_pose(p)]})
-    facts = file_facts(files)
-    digests = iter(facts[f"start{CONTENT}"])
-    given = [next(digests) if gives_pose(path) else None for path in starts]
-    return {**facts, f"start{CONTENT}": given or None}
 
 
 def _last_record(output: Path) -> Path:
@@ -294,12 +282,12 @@ def tell(tracker: AnyTracker, row: PoseRow, number: int = 0) -> None:
         supervisor.missed()
     else:
         track.add(track.mesh.inner(row.pose.to(torch.float64)), row.confidence or 0.0)
-        supervisor.machine.update(_probability(supervisor, row, track.mesh))
+        supervisor.machine.update(_probability(supervisor, row))
     if row.state:
         supervisor.tell(row.state)
 
 
-def _probability(supervisor: Supervisor, row: PoseRow, mesh: Mesh) -> float:
+def _probability(supervisor: Supervisor, row: PoseRow) -> float:
     """That a row's pose is right: as it says itself, or as nearly as can be told without that."""
     from ..estimation.states import TrackingState
 
@@ -308,4 +296,4 @@ def _probability(supervisor: Supervisor, row: PoseRow, mesh: Mesh) -> float:
     if row.state == TrackingState.TRACKING:
         return 1.0
     usual = supervisor.config.states.usual_agreement
-    return supervisor.machine.probability(row.confidence or 0.0, usual, mesh)
+    return supervisor.probability(row.confidence or 0.0, usual)

@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,7 +32,7 @@ from ..geometry.mesh_files.digest import mesh_digest
 from ..geometry.symmetry_file import symmetries_beside
 from .common import Setting, complaining, make_tools, tools, versions, weights_facts
 from .messages import progress
-from .reporting import Gathered, rerun_log, sequence_page
+from .reporting import Gathered, movie_file, rerun_log, sequence_page
 
 if TYPE_CHECKING:
     from ..datasets.sequences import Sequence
@@ -151,14 +151,15 @@ def _drawn(
     job: SequenceJob, steps: Iterator[TrackedFrame], renderer: Renderer, gathered: Gathered
 ) -> Iterator[TrackedFrame]:
     """The same steps; failures are said on stderr, and all goes into a video and a log if asked."""
-    from ..visualization.video import VideoWriter
     from .drawing import draw_step
 
     sequence = job.sequence
     mesh = sequence.load_mesh()
-    rate = sequence.open().fps or 25.0
-    movie_file = nullcontext() if job.movie is None else VideoWriter(job.movie, rate)
-    with movie_file as movie, rerun_log(job.log, mesh, sequence.camera, sequence.truth) as log:
+    rate = None if job.movie is None else sequence.open().fps
+    with (
+        movie_file(job.movie, rate) as movie,
+        rerun_log(job.log, mesh, sequence.camera, sequence.truth) as log,
+    ):
         for step in complaining(steps, f"{sequence.name}, "):
             gathered.add(step)
             if movie is not None:

@@ -24,10 +24,10 @@ from .common import (
     make_tools,
     new_folder,
 )
-from .earlier import clear_earlier
+from .earlier import PICTURE, clear_earlier
 from .journal import Journal, journal_file
 from .messages import note, progress
-from .narrowing import add_narrowing_options, check_first, gives_pose, searching_within
+from .narrowing import add_narrowing_options, check_first, searching_within, start_file
 from .no_effect import note_without_effect
 from .not_found import say_why
 from .objects import load_meshes, note_without_colours, object_names, read_starts
@@ -36,8 +36,8 @@ from .reporting import check_report, check_rerun
 from .resuming import cut_to_frames, earlier_tracks, found_line, going_on, track_facts
 from .settings import EVERYTHING, SettingsPart
 from .starting import Beginning, begin
-from .track_files import PICTURE, TrackFiles, files_of, forget_picture, track_files
-from .track_summary import track_records, track_summary, verdict
+from .track_files import TrackFiles, files_of, track_files
+from .track_summary import track_record, track_summary, verdict
 
 if TYPE_CHECKING:
     from ..datasets.pose_files import PoseWriter
@@ -131,7 +131,7 @@ def add_parser(verbs: Any) -> None:
     _add_needed_options(parser)
     parser.add_argument(
         "--start",
-        type=Path,
+        type=start_file,
         action="append",
         metavar="FILE",
         help="pose in the first frame, once for each mesh; none for an object to look for "
@@ -198,7 +198,7 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.video import Prefetched, is_live, open_frames
     from ..evaluation.run_tracker import run_tracker
 
-    if not any(map(gives_pose, args.start or ())):
+    if not any(args.start or ()):
         args.start = None
     check_first(args)
     meshes, names = load_meshes(args), object_names(args.mesh)
@@ -213,7 +213,7 @@ def run(args: argparse.Namespace) -> int:
     painting = Painting(meshes, names, camera, setting.config.texture, args.texture_from_start)
     tracker, beginning, ahead = _begun(args, setting, painting, starts, ahead, earlier)
     output, before = new_folder(args.output), [one.rows for one in earlier]
-    records, found = [track_records(1, one)[0] for one in earlier], found_line(beginning.found)
+    records, found = [track_record(one) for one in earlier], found_line(beginning.found)
     files = TrackFiles.of(args, names, len(before[0]), frames)
     kept = {**found, **painting.kept, **files.kept}
     resume = bool(before[0])
@@ -342,7 +342,6 @@ def _replacing(
     """The same steps; at the first an earlier track's files are removed, no sooner."""
     for number, step in enumerate(steps):
         if number == 0:
-            forget_picture(output)
             clear_earlier(output, written)
         yield step
 

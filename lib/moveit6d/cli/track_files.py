@@ -6,17 +6,17 @@ Never decides what they look like; `visualization` does.
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..io import replacing
 from .common import versions, weights_facts
+from .earlier import PICTURE, START_PICTURE
 from .messages import note
-from .reporting import reporting, rerun_log
+from .reporting import movie_file, reporting, rerun_log
 from .resuming import numbered
 
 if TYPE_CHECKING:
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from ..evaluation.run_tracker import AnyTracker, TrackedFrame
     from ..geometry.pose import Pose
     from .resuming import Earlier
-
-PICTURE = "start.png"
-SUMMARY_FACT = "start_picture"
 
 
 @dataclass(frozen=True)
@@ -55,7 +52,7 @@ class TrackFiles:
     @property
     def kept(self) -> dict[str, str]:
         """What a summary says of them."""
-        return {} if self.picture is None else {SUMMARY_FACT: PICTURE}
+        return {} if self.picture is None else {START_PICTURE: PICTURE}
 
     @property
     def written(self) -> list[Path]:
@@ -99,7 +96,7 @@ def track_files(
                 zip(files.pages, meshes, earlier, names, strict=True)
             )
         ]
-        movie = stack.enter_context(_movie(files.movie, frames.fps))
+        movie = stack.enter_context(movie_file(files.movie, frames.fps))
         logs = [
             stack.enter_context(rerun_log(path, mesh, camera))
             for path, mesh in zip(files.logs, meshes, strict=True)
@@ -148,16 +145,6 @@ class StartPicture:
         self.path = None
 
 
-def forget_picture(folder: Path) -> None:
-    """Remove the start picture of an earlier track, whose summary says that it wrote one."""
-    try:
-        content = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return
-    if isinstance(content, dict) and content.get(SUMMARY_FACT) == PICTURE:
-        (folder / PICTURE).unlink(missing_ok=True)
-
-
 def _save(path: Path, image: Any) -> None:
     from PIL import Image
 
@@ -180,13 +167,7 @@ def _about(args: argparse.Namespace, number: int) -> dict[str, str]:
     return {
         "object": str(args.mesh[number]),
         "video": str(args.video),
-        "start": str(args.start[number]) if args.start else "looked for",
+        "start": str((args.start and args.start[number]) or "looked for"),
         **{name: str(value) for name, value in weights_facts(args.weights).items()},
         "moveit6d": versions()["moveit6d"],
     }
-
-
-def _movie(path: Path | None, fps: float | None) -> AbstractContextManager[Any]:
-    from ..visualization.video import VideoWriter
-
-    return nullcontext() if path is None else VideoWriter(path, fps or 25.0)

@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from .resuming import Earlier
 
 
-def track_records(count: int, earlier: Earlier) -> list[TrackSummary]:
-    """What is gathered for the summary of each object; the first knows the track of before."""
+def track_record(earlier: Earlier) -> TrackSummary:
+    """What is gathered for the summary of an object; it knows the track of before."""
     from ..evaluation.run_tracker import KEPT_FAILURES, TrackSummary
 
-    records = [TrackSummary() for _ in range(count)]
+    record = TrackSummary()
     for frame, text in islice(earlier.failures.items(), KEPT_FAILURES):
-        records[0].failures.append({"frame": frame, "error": text})
+        record.failures.append({"frame": frame, "error": text})
     for row in earlier.rows:
-        records[0].add_row(row)
-    return records
+        record.add_row(row)
+    return record
 
 
 @contextmanager

@@ -10,7 +10,6 @@ from dataclasses import replace
 
 from ..config import RecoveryConfig
 from ..frame import Frame
-from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from .catch_up import CatchUp
 from .detection import PoseDetector, SearchRegion
@@ -18,7 +17,7 @@ from .detection.steps import within
 from .half_turns import HalfTurnCheck
 from .results import StopReason, TrackingResult
 from .second_look import SecondLook
-from .states import StateMachine, TrackingState
+from .states import StateMachine, TrackingState, probability_of
 
 LOST = "The object is lost."
 
@@ -31,6 +30,7 @@ class Supervisor:
         config: when, and how long.
         found: whether the object's pose is known at the beginning.
         look: finds a followed object that is in doubt; None: it is not looked for.
+        coloured: whether the object's mesh has colours (`Mesh.has_colours`).
     """
 
     def __init__(
@@ -39,8 +39,10 @@ class Supervisor:
         config: RecoveryConfig,
         found: bool,
         look: SecondLook | None = None,
+        coloured: bool = True,
     ) -> None:
         self.detector, self.config, self.look = detector, config, look
+        self.coloured = coloured
         begin = TrackingState.TRACKING if found else TrackingState.LOST
         self.machine = StateMachine(config.states, begin)
         self._search: CatchUp | None = None
@@ -59,17 +61,18 @@ class Supervisor:
         self.machine.state = TrackingState(state)
         self._near = self._near or self.machine.state is TrackingState.TRACKING
 
-    def assessed(
-        self, result: TrackingResult, agreement: float, mesh: Mesh | None = None
-    ) -> TrackingResult:
+    def probability(self, confidence: float, agreement: float) -> float:
+        """`probability_of` a pose of this object."""
+        return probability_of(self.config.states, confidence, agreement, self.coloured)
+
+    def assessed(self, result: TrackingResult, agreement: float) -> TrackingResult:
         """The result of following with its probability and state.
 
-        Without its pose if the object is lost now. `mesh` is the object's; without one it is taken
-        to have colours.
+        Without its pose if the object is lost now.
         """
         probability = None
         if result.pose is not None:
-            probability = self.machine.probability(result.confidence, agreement, mesh)
+            probability = self.probability(result.confidence, agreement)
         result = replace(result, state_probability=probability)
         state = self.machine.update(probability or 0.0)
         if state is TrackingState.TRACKING:

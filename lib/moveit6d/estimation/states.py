@@ -11,7 +11,6 @@ from enum import StrEnum
 from typing import TypedDict
 
 from ..config import StateConfig
-from ..geometry.mesh import Mesh
 
 CERTAIN = 1e-4  # a confidence nearer to 0 or 1 says no more
 
@@ -82,13 +81,6 @@ class StateMachine:
     state: TrackingState = TrackingState.TRACKING
     _rejected: int = 0
     _confirmed: int = 0
-    _coloured: bool | None = None  # whether the mesh has colours, once that is known
-
-    def probability(self, confidence: float, agreement: float, mesh: Mesh | None) -> float:
-        """`probability_of` the pose of an object with this mesh, which is looked at once."""
-        if self._coloured is None and mesh is not None:
-            self._coloured = mesh.has_colours  # looks at the whole texture
-        return probability_of(self.config, confidence, agreement, self._coloured is not False)
 
     def update(self, probability: float) -> TrackingState:
         """The state in the next frame, in which the pose is right with this probability.

@@ -161,7 +161,8 @@ class PoseTracker(Generic[Results]):
                 )
             recovery = self.config.recovery
             look = None if detector is None else SecondLook(detector, recovery)
-            supervisors.append(Supervisor(detector, recovery, pose is not None, look))
+            found = pose is not None
+            supervisors.append(Supervisor(detector, recovery, found, look, mesh.has_colours))
         self.tracks = [
             TrackState.begin(
                 mesh,
@@ -383,7 +384,7 @@ class PoseTracker(Generic[Results]):
         agreement = result.contour_agreement
         if agreement is None:
             agreement = self.config.recovery.states.usual_agreement
-        assessed = supervisor.assessed(result.result(track.mesh), agreement, track.mesh)
+        assessed = supervisor.assessed(result.result(track.mesh), agreement)
         if assessed.state is TrackingState.TRACKING:
             track.update_histograms(histograms)
             self._remember(frame, track, assessed.confidence)

@@ -32,9 +32,9 @@ class VideoWriter:
     frame leaves no file.
     """
 
-    def __init__(self, path: str | Path, fps: float = 25.0) -> None:
+    def __init__(self, path: str | Path, fps: float | None = None) -> None:
         self.path = Path(path)
-        self.fps = fps if 0 < fps < 1000 else 25.0
+        self.fps = fps if fps is not None and 0 < fps < 1000 else 25.0
         self._place = replacing(self.path)
         self._temporary = self.path
         self._container: Any = None

@@ -61,6 +61,18 @@ def test_a_mask_is_its_box(box: Mesh) -> None:
     assert region.bounds == (199.5, 99.5, 80.0, 60.0)
 
 
+def test_a_box_and_a_mask_of_two_places_contradict_each_other() -> None:
+    mask = np.zeros((480, 640), np.uint8)
+    mask[100:200, 50:150] = 1
+    for box in ((60, 110, 80, 80), (0, 0, 640, 480), (130, 100, 20, 100), (100, 50, 100, 100)):
+        region = SearchRegion.checked(CAMERA, box, mask)
+        if box == (100, 50, 100, 100):  # a quarter of each in common
+            with pytest.raises(InputError, match="box and mask contradict each other: 26 % of"):
+                region.check_common(RegionConfig())
+        else:
+            region.check_common(RegionConfig())
+
+
 def test_near_is_around_the_pose(box: Mesh) -> None:
     near = at(box, 0.1, 0.0, 0.5)
     region = SearchRegion(near=near)

@@ -160,8 +160,9 @@ class PoseDetector:
                     "narrows it."
                 )
             return _by_seeds(self.seeds.detect(frame))
-        region = region.undistorted(self.camera)
         known = self.config.region
+        region.check_common(known)
+        region = region.undistorted(self.camera)
         given = given_poses(region, self.mesh, self.camera, points, instances, known)
         return finish(self.steps(frame, region, given, instances, search=points is None))
 

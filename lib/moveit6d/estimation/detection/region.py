@@ -62,6 +62,21 @@ class SearchRegion:
             near,
         )
 
+    def check_common(self, config: RegionConfig) -> None:
+        """`InputError` where box and mask, as people draw them, show two places."""
+        if self.box is None or self.mask is None:
+            return
+        rows, columns = np.nonzero(self.mask)
+        x, y, width, height = self.box
+        inside = (x <= columns + 0.5) & (columns - 0.5 <= x + width)
+        inside &= (y <= rows + 0.5) & (rows - 0.5 <= y + height)
+        if inside.sum() < config.least_covered * min(len(rows), width * height):
+            raise InputError(
+                f"box and mask contradict each other: {100 * inside.mean():.0f} % of the mask is "
+                f"inside of the box; the mask reaches from {columns.min()} {rows.min()} to "
+                f"{columns.max()} {rows.max()}. Leave one of them out."
+            )
+
     def undistorted(self, camera: Camera) -> SearchRegion:
         """The same region in the image as `Camera.undistort` makes it."""
         bounds = self.bounds
