@@ -11,12 +11,15 @@ import pytest
 import torch
 from PIL import Image
 
+from moveit6d import extras
 from moveit6d.cli.benchmark_detection import _photos
 from moveit6d.cli.main import main
 from moveit6d.datasets.pose_files import RESULT_COLUMNS, PoseRow, read_poses, write_poses
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseTracker
 from moveit6d.estimation.detection import detector
+from moveit6d.evaluation import motion_cost
+from moveit6d.evaluation.motion_cost import MotionCost
 from moveit6d.frame import prepare_frame
 from tests.support.configs import FAST_DETECTION
 
@@ -178,6 +181,33 @@ def test_motion_refuses_speeds_that_cannot_be(capsys: Any) -> None:
         assert main(["benchmark", "motion", "--speeds", speed]) == 2
     assert main(["benchmark", "motion", "--frames", "1"]) == 2
     assert capsys.readouterr().err.count("--frames must be 2 or more") == 5
+
+
+def test_motion_draws_its_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    costs = [MotionCost(5.0, 1.5, 20.0, 0.5), MotionCost(0.0, 1.0, 12.0, 1.0)]
+    monkeypatch.setattr(motion_cost, "motion_costs", lambda *args: iter(costs))
+    name = tmp_path / "motion.v2"
+    assert main(["benchmark", "motion", "--speeds", "5", "0", "--chart", str(name)]) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["motion.v2.png", "motion.v2.svg"]
+    assert capsys.readouterr().out.endswith(f"{name}.png, {name}.svg\n")
+
+
+def test_a_chart_of_motion_takes_no_input_s_place(tmp_path: Path, capsys: Any) -> None:
+    config = tmp_path / "mesh.svg"
+    config.write_text("{}")
+    given = ["--config", str(config), "--chart", str(tmp_path / "mesh")]
+    assert main(["benchmark", "motion", *given]) == 2
+    assert "--chart" in capsys.readouterr().err and config.read_text() == "{}"
+
+
+def test_a_chart_without_matplotlib_is_refused_before_the_work(
+    monkeypatch: pytest.MonkeyPatch, capsys: Any, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
+    assert main(["benchmark", "motion", "--chart", str(tmp_path / "chart")]) == 2
+    assert "pip install 'moveit6d[report]'" in capsys.readouterr().err
 
 
 def test_photos_are_chosen_evenly(photos: Path) -> None:

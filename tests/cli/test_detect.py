@@ -89,7 +89,7 @@ def test_every_instance_gives_a_start(
 ) -> None:
     from moveit6d.cli import detect_images
 
-    poses = tuple((scene.pose(frame), 0.9, 3) for frame in (0, 6))
+    poses = tuple((scene.pose(frame), 0.9, 3, "stop_action") for frame in (0, 6))
     answers = iter([[Answer(poses, 0.9, 1.0, {})], [Answer((), facts={})]])
     monkeypatch.setattr(detect_images, "_answered", lambda *_: next(answers))
     assert detect(["b.png"], "--instances", "2") == 0
@@ -115,7 +115,7 @@ def test_every_object_has_rows_a_start_and_a_sentence(
     from moveit6d.cli import detect_images
 
     def answer(*asked: Any) -> list[Answer]:
-        poses = ((scene.pose(0), 0.9, 3),)
+        poses = ((scene.pose(0), 0.9, 3, "stop_action"),)
         return [Answer((), 0.1, 5.0, {}), Answer(() if asked[1].index else poses, 0.9, 5.0, {})]
 
     monkeypatch.setattr(detect_images, "_answered", answer)
@@ -169,8 +169,8 @@ def test_a_pose_that_is_only_clicked_is_counted_apart(
 
     pose = scene.pose(0)
     np.savetxt(folder / "p.csv", [[10 * k, 9, k, k * k, 0] for k in range(5)], delimiter=",")
-    clicked = Answer(((pose, 0.0, 0),), 0.0, 1.0, {POINTS_ERROR: 0.1})
-    right = Answer(((pose, 0.9, 3),), 0.9, 1.0, {})
+    clicked = Answer(((pose, 0.0, 0, ""),), 0.0, 1.0, {POINTS_ERROR: 0.1})
+    right = Answer(((pose, 0.9, 3, "stop_action"),), 0.9, 1.0, {})
     answers = iter([[right], [clicked], [clicked]])
     monkeypatch.setattr(detect_images, "_answered", lambda *_: next(answers))
     points, out = ["--points", str(folder / "p.csv")], folder / "out"

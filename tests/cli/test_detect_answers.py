@@ -32,7 +32,7 @@ def test_the_columns_are_those_of_tracks_and_the_instance_if_there_are_more() ->
 
 
 def test_instances_are_numbered_and_can_be_read_back(tmp_path: Path) -> None:
-    answer = Answer(((POSE, 0.9, 3), (POSE, 0.7, 4)), 0.9, 20.0, {})
+    answer = Answer(((POSE, 0.9, 3, "revisited"), (POSE, 0.7, 4, "stop_action")), 0.9, 20.0, {})
     with PoseWriter(tmp_path / "poses.csv", columns(2, 2)) as table:
         for row in (*rows(FRAME, "cup", answer), *rows(FRAME, "can", Answer((), 0.1))):
             table.write(row)
@@ -43,13 +43,14 @@ def test_instances_are_numbered_and_can_be_read_back(tmp_path: Path) -> None:
     read = read_poses(tmp_path / "poses.csv")
     assert [row.object for row in read] == ["cup", "cup", "can"]
     assert [row.confidence for row in read] == [0.9, 0.7, 0.1]
+    assert [row.stopped_by for row in read] == ["revisited", "stop_action", "failed"]
 
 
 @pytest.mark.parametrize(
     ("answer", "state", "found"),
     [
-        (Answer(((POSE, 0.9, 3),), 0.9, 1.0, {}), "tracking", True),
-        (Answer(((POSE, 0.0, 0),), 0.0, 1.0, {POINTS_ERROR: 1.0}), "uncertain", False),
+        (Answer(((POSE, 0.9, 3, "stop_action"),), 0.9, 1.0, {}), "tracking", True),
+        (Answer(((POSE, 0.0, 0, ""),), 0.0, 1.0, {POINTS_ERROR: 1.0}), "uncertain", False),
         (Answer((), 0.2, 1.0, {}), "lost", False),
         (Answer((), error="it is damaged."), "uncertain", False),
     ],
@@ -65,8 +66,8 @@ def test_every_pose_has_a_file() -> None:
 
 
 def test_a_journal_keeps_an_answer_exactly() -> None:
-    answer = Answer(((POSE, 0.9, 3),), 0.9, 1.0, {"poses": []})
+    answer = Answer(((POSE, 0.9, 3, "stop_action"),), 0.9, 1.0, {"poses": []})
     again = answer_of(json.loads(json.dumps(answer_line(answer))))
     ((pose, *more),) = again.poses
-    assert torch.equal(pose.rotation, POSE.rotation) and more == [0.9, 3]
+    assert torch.equal(pose.rotation, POSE.rotation) and more == [0.9, 3, "stop_action"]
     assert (again.best, again.facts) == (0.9, {"poses": []})

@@ -12,6 +12,9 @@ import torch
 from moveit6d.cli.main import main
 from moveit6d.datasets.bop import BopDataset, BopTarget, Estimate, Instance, read_results
 from moveit6d.datasets.bop_writer import BopImage, write_bop
+from moveit6d.estimation import PoseDetector
+from moveit6d.estimation.detection import Detection
+from moveit6d.policies import SHIPPED_WEIGHTS
 
 
 def near(found: Any, true: Any) -> bool:
@@ -71,6 +74,31 @@ def test_an_image_that_cannot_be_used_stops_no_others_and_no_resuming(
     assert [image for image, _ in looked_at] == [0, 3, 5, 5, 6], "none is looked at again"
     found = read_results(root.parent / "results.csv")
     assert [one.image for one in found] == [0, 5, 6]
+
+
+def test_only_what_poses_depend_on_ties_a_resumed_run(
+    root: Path, looked_at: list[tuple[int, float]], tmp_path: Path, capsys: Any
+) -> None:
+    assert main(words(root)) == 130
+    weights = tmp_path / "elsewhere" / "same.safetensors"
+    weights.parent.mkdir()
+    weights.write_bytes(SHIPPED_WEIGHTS.read_bytes())
+    assert main(words(root, "--resume", "--detection.accepted", "0.7")) == 2
+    assert "another config" in capsys.readouterr().err
+    assert main(words(root, "--resume", "-q", "--threads", "2", "--weights", str(weights))) == 0
+
+
+def test_as_many_threads_as_asked_search(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[int | None] = []
+
+    def search(detectors: list[PoseDetector], *_: Any) -> list[Detection]:
+        seen.extend(one.threads for one in detectors)
+        return [Detection((), ()) for _ in detectors]
+
+    monkeypatch.setattr("moveit6d.estimation.detection.detect_objects", search)
+    monkeypatch.setattr(PoseDetector, "prepare", lambda self: None)
+    main(words(root, "--threads", "2"))
+    assert seen == [2, 2, 2], "of the images that can be read"
 
 
 def test_images_none_of_which_can_be_used_are_bad_input(

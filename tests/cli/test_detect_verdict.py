@@ -15,14 +15,16 @@ from moveit6d.cli.detect_verdict import advice, verdict
 NOTHING = dict.fromkeys(("box", "mask", "points", "distance", "start"))
 POSE = Pose.identity()
 LOST = Answer((), 0.2, 1.0, {})
-CLICKED = Answer(((POSE, 0.0, 0),), 0.0, 1.0, {POINTS_ERROR: 1.0})
+CLICKED = Answer(((POSE, 0.0, 0, ""),), 0.0, 1.0, {POINTS_ERROR: 1.0})
 DAMAGED = Answer((), error="a.png is damaged.")
 CORNERS = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
 PLAIN = Mesh.from_arrays("part", CORNERS, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 
 def found(*probabilities: float) -> Answer:
-    return Answer(tuple((POSE, one, 3) for one in probabilities), probabilities[0], 1.0, {})
+    return Answer(
+        tuple((POSE, one, 3, "stop_action") for one in probabilities), probabilities[0], 1.0, {}
+    )
 
 
 def options(objects: int = 1, **more: Any) -> Namespace:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 
+from moveit6d import extras
 from moveit6d.cli.main import main
 from moveit6d.datasets.bop import Estimate, Instance, write_results
 from moveit6d.datasets.bop_writer import BopImage, write_bop
@@ -203,3 +204,13 @@ def test_results_of_the_same_name_stand_beside_each_other(
     for place in places:
         assert str(place) in lines, "over its table"
         assert any(line.startswith(f"{place}: ") for line in lines), "and its reliability"
+
+
+def test_a_diagram_without_matplotlib_is_refused_before_the_tables(
+    monkeypatch: pytest.MonkeyPatch, sequences: Path, tmp_path: Path, capsys: Any
+) -> None:
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
+    command = ["evaluate", "tracking", "--sequences", str(sequences / "easy_00"), "--results"]
+    assert main([*command, str(tmp_path), "--reliability", str(tmp_path / "diagram")]) == 2
+    said = capsys.readouterr()
+    assert "--reliability needs jinja2 and matplotlib" in said.err and not said.out

@@ -194,4 +194,7 @@ def test_a_mask_of_nearly_everything_is_said(tmp_path: Path, capsys: Any) -> Non
 def test_a_distance_holds_for_the_whole_video() -> None:
     setting = Setting(None, "embree", 1)
     assert searching_within(setting, None) is setting
-    assert searching_within(setting, [0.3, 0.8]).config.recovery.distance == (0.3, 0.8)
+    within = searching_within(setting, [0.3, 0.8])
+    assert within.config.recovery.distance == (0.3, 0.8)
+    with pytest.raises(InputError, match=r"--distance and the setting recovery\.distance"):
+        searching_within(within, [0.4, 0.8])

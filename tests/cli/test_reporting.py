@@ -35,9 +35,21 @@ def test_a_report_is_written_and_after_ctrl_c_too(
     assert "3 frames, 1 without a pose" in page.read_text()
 
 
+def test_a_report_goes_by_the_confidence_that_the_track_goes_by(
+    clip: Clip, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[float] = []
+    monkeypatch.setattr(
+        "moveit6d.visualization.report.curves_svg", lambda _, low: seen.append(low) or ""
+    )
+    page = tmp_path / "report.html"
+    assert clip.track("--no_overlay", "--report", str(page), "--low_confidence", "0.3") == 0
+    assert seen == [0.3]
+
+
 def test_without_a_report_nothing_is_kept(scene: Any) -> None:
     frames = Stream(live=True)
-    with reporting(None, {}, scene.mesh, scene.camera, frames, make_renderer()) as page:
+    with reporting(None, {}, scene.mesh, scene.camera, frames, make_renderer(), 0.5) as page:
         assert page is None
 
 

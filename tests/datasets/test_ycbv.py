@@ -117,7 +117,7 @@ def test_own_names_are_read(tmp_path: Path, scene: Any, brick: Mesh) -> None:
 def test_the_other_layout_is_named(tmp_path: Path) -> None:
     (tmp_path / "test" / "000048").mkdir(parents=True)
     (tmp_path / "test" / "000048" / "scene_gt.json").write_text("{}")
-    with pytest.raises(InputError, match=r"This is BOP's YCB-V, .* open it as kind bop"):
+    with pytest.raises(InputError, match=r"This is BOP's YCB-V, .* --format bop"):
         read_ycbv(tmp_path)
     with pytest.raises(InputError, match=r"looked for data/0048/000001-meta\.mat\.$"):
         read_ycbv(tmp_path / "test")

@@ -11,7 +11,15 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from moveit6d.visualization.charts import BarChart, Chart, Curve, LineChart, Panel, Sheet
+from moveit6d.visualization.charts import (
+    BarChart,
+    Chart,
+    Curve,
+    LineChart,
+    Panel,
+    Sheet,
+    motion_chart,
+)
 from moveit6d.visualization.plots import draw
 
 LINES = LineChart(
@@ -126,3 +134,11 @@ def test_nothing_is_cut_or_drawn_over_curves(
         assert not any(box.overlaps(one.bbox) for one in axes)
     for number, box in enumerate(titles):
         assert not any(box.overlaps(other) for other in titles[:number])
+
+
+def test_what_motion_costs_is_drawn_in_order_of_speed() -> None:
+    chart = motion_chart("motion", [5.0, 0.0, 1.0], [1.5, 1.0, 2.0], [0.5, 1.0, 0.0])
+    iterations, one = chart.curves
+    assert iterations.x == one.x == (0.0, 1.0, 5.0)
+    assert iterations.y == (1.0, 2.0, 1.5) and one.y == (1.0, 0.0, 0.5)
+    assert one.right and not iterations.right

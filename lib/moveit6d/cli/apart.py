@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
+from ..extras import require
 from ..io import IS_READ, check_places, check_writable
 from .earlier import holds_results
 from .journal import journal_file
@@ -67,6 +68,27 @@ def check_apart(
             for path in files_of_mesh(mesh):
                 taken.setdefault(path, f"{mesh} names")
     check_places(written, taken, folders)
+
+
+def check_chart(
+    args: argparse.Namespace,
+    option: str,
+    read: Iterable[Path] = (),
+    folders: Iterable[Path] = (),
+) -> None:
+    """`InputError` where the chart of an option, if there is to be one, cannot be drawn.
+
+    Or where it destroys an input: `read` are inputs beside those that the arguments name; in
+    `folders` all files are inputs.
+    """
+    from ..visualization.plots import files_of_chart
+
+    path = getattr(args, option)
+    if path is None:
+        return
+    require("report", f"--{option}")
+    written = {f"--{option}": files_of_chart(path)}
+    check_apart(written, [*given_paths(args, option), *read], folders)
 
 
 def check_truth(output: Path, frames: Iterable[Path]) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 from ..errors import InputError
 from . import track
-from .apart import check_apart, files_of_sequences, given_paths
+from .apart import check_apart, check_chart, files_of_sequences, given_paths
 from .common import (
     UNITS,
     Setting,
@@ -59,12 +59,13 @@ examples:
 
 MOTION = """\
 Tracks one object, procedural if no --mesh is given, in synthetic sequences of increasing speed,
-and prints how many iterations a frame takes: a still object costs one.
+and prints how many iterations a frame takes: a still object costs one. --chart NAME draws them
+against the speed as NAME.png and NAME.svg.
 """
 
 MOTION_EXAMPLES = """\
 examples:
-  moveit6d benchmark motion --speeds 0 1 2 5 10 20 --frames 40
+  moveit6d benchmark motion --speeds 0 1 2 5 10 20 --frames 40 --chart motion
 """
 
 
@@ -94,6 +95,9 @@ def add_kinds(kinds: Any) -> None:
     )  # fmt: skip
     three.add_argument("--frames", type=positive, default=40, metavar="N", help="of each")
     three.add_argument("--seed", type=seed, default=0, metavar="N", help="of the sequences")
+    three.add_argument(
+        "--chart", type=Path, metavar="NAME", help="curves of the table: NAME.png, NAME.svg"
+    )
     add_untextured_option(three)
     add_tracking_options(three, part=track.READ)
     three.set_defaults(run=run_motion)
@@ -189,17 +193,24 @@ def run_recovery(args: argparse.Namespace) -> int:
 def run_motion(args: argparse.Namespace) -> int:
     """Track at every speed and print the table."""
     from ..evaluation.motion_cost import motion_costs, motion_table
+    from ..visualization.charts import motion_chart
+    from ..visualization.plots import draw
 
     if args.frames < 2 or not all(0 <= speed <= FASTEST for speed in args.speeds):
         raise InputError(f"--frames must be 2 or more and --speeds from 0 to {FASTEST}.")
+    check_chart(args, "chart")
     mesh = mesh_or_demo(args)
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
-    costs = motion_costs(
+    costs = list(progress(motion_costs(
         mesh, args.speeds, args.frames, policy, renderer, args.seed, setting.config,
         setting.threads,
-    )  # fmt: skip
-    print(motion_table(list(progress(costs, len(args.speeds), "motion", "speed"))))
+    ), len(args.speeds), "motion", "speed"))  # fmt: skip
+    print(motion_table(costs))
+    if args.chart is not None:
+        curves = [c.pixels for c in costs], [c.iterations for c in costs], [c.still for c in costs]
+        written = draw(motion_chart(args.chart.name, *curves), args.chart.parent)
+        print(f"\n{', '.join(map(str, written))}")
     return 0
 
 

@@ -6,6 +6,7 @@ Never knows a single verb.
 from __future__ import annotations
 
 import argparse
+import json
 import platform
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -269,9 +270,16 @@ def weights_facts(path: Path | None) -> dict[str, str | None]:
 
 
 def run_facts(setting: Setting) -> dict[str, Any]:
-    """What poses depend on by the options of `add_tracking_options`, as a journal holds it."""
-    kept = {key: str(value) for key, value in vars(setting).items() if key != "threads"}
-    return {"setting": kept, "weights": weights_facts(setting.weights)["weights_sha256"]}
+    """What poses depend on by the options of `add_tracking_options`, as a journal holds it.
+
+    The weights go by their content and may lie elsewhere.
+    """
+    return {
+        "weights": weights_facts(setting.weights)["weights_sha256"],
+        "renderer": setting.renderer,
+        "compute": setting.compute,
+        "config": json.loads(json.dumps(setting.config.as_dict())),
+    }
 
 
 def given(args: argparse.Namespace) -> dict[str, Any]:

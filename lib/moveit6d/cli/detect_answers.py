@@ -22,13 +22,14 @@ POINTS_ERROR = "points_error_pixels"  # in detection.json, where the points alon
 
 @dataclass(frozen=True)
 class Answer:
-    """Poses of one object with their probability and iterations, and facts for detection.json.
+    """Poses of one object, and facts for detection.json.
 
-    `best` is the probability of the best pose, found or not; `error` says why an image could not be
-    used.
+    With each pose its probability, the iterations of its loop and why that ended, which is empty
+    for a pose that no loop led to. `best` is the probability of the best pose, found or not;
+    `error` says why an image could not be used.
     """
 
-    poses: tuple[tuple[Pose, float, int], ...]
+    poses: tuple[tuple[Pose, float, int, str], ...]
     best: float = 0.0
     milliseconds: float | None = None
     facts: dict[str, Any] | None = None
@@ -72,11 +73,11 @@ def rows(frame: VideoFrame, name: str, answer: Answer) -> list[DetectedRow]:
     state = "uncertain" if unsure else "tracking"
     return [
         DetectedRow(
-            frame.index, frame.name, pose, iterations, "max_iterations", probability,
+            frame.index, frame.name, pose, iterations, stopped_by, probability,
             answer.milliseconds, object=name, state=state, probability=probability,
             instance=number,
         )
-        for number, (pose, probability, iterations) in enumerate(answer.poses)
+        for number, (pose, probability, iterations, stopped_by) in enumerate(answer.poses)
     ]  # fmt: skip
 
 
@@ -113,7 +114,5 @@ def answer_line(answer: Answer) -> dict[str, Any]:
 
 def answer_of(line: Mapping[str, Any]) -> Answer:
     """The answer of a journal's line."""
-    poses = tuple(
-        (pose_of(pose), probability, iterations) for pose, probability, iterations in line["poses"]
-    )
+    poses = tuple((pose_of(pose), *more) for pose, *more in line["poses"])
     return Answer(**{**line, "poses": poses})

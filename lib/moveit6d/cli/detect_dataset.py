@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
                 try:
                     new = detect_image(
                         dataset, targets, policy, renderer, store, args.distance, boxes,
-                        setting.config,
+                        setting.config, setting.threads,
                     )  # fmt: skip
                 except InputError as error:  # one that cannot be used does not stop the others
                     errors.append(f"image {targets[0].image} of scene {targets[0].scene}: {error}")
@@ -177,6 +177,7 @@ def detect_image(
     distance: Sequence[float] | None = None,
     boxes: Boxes | None = None,
     config: TrackerConfig = DEFAULT,
+    threads: int = 1,
 ) -> list[Estimate]:
     """The poses of an image's targets, found or not: BOP counts recall and orders by score.
 
@@ -202,6 +203,7 @@ def detect_image(
             renderer=renderer,
             config=config,
             store=store,
+            threads=threads,
         )
         for number, *_ in searches
     }

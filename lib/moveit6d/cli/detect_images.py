@@ -247,11 +247,14 @@ def _detected(search: ImageSearch, frame: VideoFrame) -> Answers:
     spent = (time.perf_counter() - begin) * 1e3
     answers, points = [], search.known["points"]
     for found, detector in zip(detections, search.detectors, strict=True):
-        poses = tuple((one.pose, one.probability, one.result.iterations) for one in found.instances)
+        poses = tuple(
+            (one.pose, one.probability, one.result.iterations, str(one.result.stopped_by))
+            for one in found.instances
+        )
         facts = detection_facts(found)
         if points is not None and not poses:
             pose, error = unconfirmed(points, detector.camera, found, frame.name)
-            poses = ((pose, found.probability, 0),)
+            poses = ((pose, found.probability, 0, ""),)
             facts[POINTS_ERROR] = round(error, 2)
         answers.append(Answer(poses, found.probability, spent, facts))
     return answers

@@ -102,7 +102,7 @@ def _found(args: argparse.Namespace, answer: Answer) -> str:
 
 
 def _probabilities(answer: Answer) -> str:
-    return f"probability {', '.join(f'{probability:.2f}' for _, probability, _ in answer.poses)}"
+    return f"probability {', '.join(f'{probability:.2f}' for _, probability, *_ in answer.poses)}"
 
 
 def _best(answers: Sequence[Answer]) -> str:

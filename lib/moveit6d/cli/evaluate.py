@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .apart import check_apart, files_of_sequences, folders_of, given_paths
+from .apart import check_chart, files_of_sequences, folders_of
 from .common import DATASET_FORMATS, UNITS, add_verb, targets_file, use_threads
 from .messages import note, progress_bar
 
@@ -181,7 +181,8 @@ def tracking(args: argparse.Namespace) -> int:
     from ..evaluation.track_scores import tracking_table
 
     sequences = open_dataset(args.sequences, args.format)
-    _check_diagram(args, files_of_sequences(sequences) if args.reliability is not None else ())
+    read = files_of_sequences(sequences) if args.reliability is not None else ()
+    check_chart(args, "reliability", read)
     levels = {sequence.name: sequence.level for sequence in sequences}
     measured = {}
     names = [path.name for path in args.results]
@@ -212,21 +213,6 @@ def _none_of(path: Path, names: Iterable[str]) -> str:
     return f"{said}."
 
 
-def _check_diagram(
-    args: argparse.Namespace, read: Iterable[Path] = (), folders: Iterable[Path] = ()
-) -> None:
-    """`InputError` where the diagram of the confidence, if there is to be one, destroys an input.
-
-    `read` are inputs beside those that the arguments name; in `folders` all files are inputs.
-    """
-    from ..visualization.plots import KINDS
-
-    path = args.reliability
-    if path is not None:
-        written = [path.parent / f"{path.name}.{kind}" for kind in KINDS]
-        check_apart({"--reliability": written}, [*given_paths(args, "reliability"), *read], folders)
-
-
 def _write_reliability(measured: Mapping[str, Reliability], path: Path | None) -> None:
     """Print a line for each, and write the diagram of all; nothing if none was asked for."""
     from ..visualization.charts import reliability_diagram
@@ -253,7 +239,7 @@ def bop(args: argparse.Namespace) -> int:
             "--targets is not for --errors add, whose targets are those of the first file, but for "
             "--errors bop19."
         )
-    _check_diagram(args, folders=folders_of(args))
+    check_chart(args, "reliability", folders=folders_of(args))
     use_threads(1)  # many small steps: more threads only wait for each other
     dataset = BopDataset(args.dataset, args.split, mesh_unit=args.mesh_unit)
     files = [(str(path), read_results(path)) for path in args.results]

@@ -79,9 +79,16 @@ def start_file(text: str) -> Path | None:
 
 
 def searching_within(setting: Setting, distance: Sequence[float] | None) -> Setting:
-    """The setting of a track whose lost objects are looked for in these distances, metres, too."""
+    """The setting of a track whose lost objects are looked for in these distances, metres, too.
+
+    `InputError` where the setting has others already.
+    """
     if distance is None:
         return setting
+    if setting.config.recovery.distance is not None:
+        raise InputError(
+            "--distance and the setting recovery.distance say the same; leave out one of them."
+        )
     near, far = distance
     recovery = replace(setting.config.recovery, distance=(near, far))
     return replace(setting, config=replace(setting.config, recovery=recovery))

@@ -73,19 +73,19 @@ def reporting(
     camera: Camera,
     frames: FrameSource,
     renderer: Renderer,
+    low_confidence: float,
     earlier: Earlier | None = None,
     name: str = "",
 ) -> Iterator[Gathered | None]:
     """Gather steps and write the page when the block ends, however it ends, if there was a frame.
 
-    `earlier` is the track that is gone on with, which the page shows, too; `name` is the object's
-    where there are several. None, and nothing is kept, without a path.
+    Below `low_confidence` the track takes a pose to be wrong. `earlier` is the track that is gone
+    on with, which the page shows, too; `name` is the object's where there are several. None, and
+    nothing is kept, without a path.
     """
     if path is None:
         yield None
         return
-    from ..evaluation.run_tracker import LOW_CONFIDENCE
-
     gathered = Gathered()
     if earlier is not None:
         gathered = Gathered({row.frame: row for row in earlier.rows}, dict(earlier.failures))
@@ -105,7 +105,7 @@ def reporting(
                 rows=gathered.rows,
                 facts=facts,
                 failures=gathered.failures,
-                low_confidence=LOW_CONFIDENCE,
+                low_confidence=low_confidence,
             )
             write_report(path, run, renderer)
 
@@ -135,9 +135,12 @@ def sequence_page(
     score: Score | None,
     facts: Mapping[str, str],
     renderer: Renderer,
+    low_confidence: float,
 ) -> str:
-    """The page of one sequence; errors are against `truth`, the first of which is not counted."""
-    from ..evaluation.run_tracker import LOW_CONFIDENCE
+    """The page of one sequence; errors are against `truth`, the first of which is not counted.
+
+    Below `low_confidence` the track takes a pose to be wrong.
+    """
     from ..evaluation.track_scores import EvaluationPoints, frame_errors
     from ..visualization.report import Run, report_page
 
@@ -155,7 +158,7 @@ def sequence_page(
         truth=sequence.truth,
         errors={error.frame: error for error in errors},
         failures=gathered.failures,
-        low_confidence=LOW_CONFIDENCE,
+        low_confidence=low_confidence,
     )
     return report_page(run, renderer)
 

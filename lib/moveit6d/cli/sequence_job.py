@@ -138,7 +138,8 @@ def page_of(job: SequenceJob, gathered: Gathered, renderer: Renderer) -> str:
 
     score = score_track(job.sequence, gathered.rows, job.count_resets)
     truth = scored_truth(job.sequence, gathered.rows, job.count_resets)
-    return sequence_page(job.sequence, gathered, truth, score, job.facts, renderer)
+    low = job.config.low_confidence
+    return sequence_page(job.sequence, gathered, truth, score, job.facts, renderer, low)
 
 
 def _with_bar(job: SequenceJob, steps: Iterator[TrackedFrame]) -> Iterator[TrackedFrame]:

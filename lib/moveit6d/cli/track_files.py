@@ -86,11 +86,14 @@ def track_files(
     from .drawing import draw_step
 
     meshes, camera, renderer = tracker.meshes, tracker.camera, tracker.renderer
+    low = tracker.config.low_confidence
     picture = StartPicture(files.picture, tracker, starts)
     with ExitStack() as stack:
         pages = [
             stack.enter_context(
-                reporting(path, _about(args, number), mesh, camera, frames, renderer, before, name)
+                reporting(
+                    path, _about(args, number), mesh, camera, frames, renderer, low, before, name
+                )
             )
             for number, (path, mesh, before, name) in enumerate(
                 zip(files.pages, meshes, earlier, names, strict=True)

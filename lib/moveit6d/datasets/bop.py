@@ -89,8 +89,8 @@ class BopDataset:
             raise InputError(
                 f"{self.root} has no split {self.split!r}; folders there: "
                 f"{', '.join(there) or 'none'}."
-                + " This is YCB-Video as published, not BOP's: open it as kind ycbv."
-                * other
+                + " This is YCB-Video as published, not BOP's: `benchmark tracking --format ycbv` "
+                'reads it, in Python open_dataset(..., kind="ycbv").' * other
             )
 
     def scenes(self) -> list[int]:

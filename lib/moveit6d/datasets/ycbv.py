@@ -283,5 +283,8 @@ def _shared_names(path: Path, place: Path, names: tuple[str, ...]) -> tuple[str,
 def _not_here(path: Path) -> str:
     wanted = f"{path} holds no YCB-Video data: looked for data/0048/000001-meta.mat"
     if any(path.glob("*/*/scene_gt.json")):
-        return f"{wanted}. This is BOP's YCB-V, with other models and frames: open it as kind bop."
+        return (
+            f"{wanted}. This is BOP's YCB-V, with other models and frames: "
+            '--format bop reads it, in Python open_dataset(..., kind="bop").'
+        )
     return f"{wanted}."

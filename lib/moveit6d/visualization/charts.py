@@ -5,7 +5,7 @@ Never computes a figure and never draws; `plots` draws.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -85,6 +85,21 @@ def reliability_diagram(name: str, curves: Mapping[str, tuple[Any, Any]]) -> Lin
     return LineChart(
         name, "Reliability", "confidence", "share with ADD(-S) < 10 % of the diameter",
         (*drawn, Curve("calibrated", (0.0, 1.0), (0.0, 1.0))),
+    )  # fmt: skip
+
+
+def motion_chart(
+    name: str, speeds: Sequence[float], iterations: Sequence[float], one: Sequence[float]
+) -> LineChart:
+    """Iterations a frame and the share of frames of one iteration, by pixels a frame; each (N,)."""
+    x, y, share = zip(*sorted(zip(speeds, iterations, one, strict=True)), strict=True)
+    return LineChart(
+        name, "What motion costs", "motion, pixels a frame", "iterations a frame",
+        (
+            Curve("iterations a frame", x, y),
+            Curve("share of frames of one iteration", x, share, right=True),
+        ),
+        right_label="share of frames",
     )  # fmt: skip
 
 

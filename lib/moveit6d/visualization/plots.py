@@ -30,6 +30,11 @@ STYLE: dict[Any, Any] = {
 COLORS = ("#1f6fb4", "#e07b00", "#4f4f4f", "#a9a9a9", "#2a9d5c", "#b03060")
 
 
+def files_of_chart(path: Path) -> list[Path]:
+    """The files of a chart that is called like the last part of a path, in the folder before it."""
+    return [path.parent / f"{path.name}.{kind}" for kind in KINDS]
+
+
 def draw(chart: Chart, folder: str | Path, data: str = "") -> list[Path]:
     """Write NAME.png and NAME.svg of a chart; the paths written. Each file appears whole.
 
@@ -39,7 +44,7 @@ def draw(chart: Chart, folder: str | Path, data: str = "") -> list[Path]:
 
     with rc_context(STYLE):
         figure = _figure(chart, data)
-        written = [Path(folder) / f"{chart.name}.{kind}" for kind in KINDS]
+        written = files_of_chart(Path(folder) / chart.name)
         for path in written:
             # An SVG has its date in it unless told otherwise; a PNG has none.
             facts = {"Date": None} if path.suffix == ".svg" else None
