@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from moveit6d import Pose
 from moveit6d.cli.main import main
+from moveit6d.cli.track_summary import verdict
+from moveit6d.datasets.pose_files import PoseRow
+from moveit6d.evaluation.run_tracker import TrackSummary
 from tests.support.clip import Clip
 
 
@@ -40,6 +45,22 @@ def test_an_object_that_is_never_found_is_exit_code_3(
         text = (tmp_path / "out" / "summary.json").read_text()
         assert '"failed": 4' in text and '"lost_from_frame": 0' in text
         assert '"error"' not in text, "the events say it"
+
+
+def test_one_of_several_objects_that_is_never_found_is_said(capsys: Any) -> None:
+    seen, unseen = TrackSummary(), TrackSummary()
+    for frame in range(3):
+        pose = Pose.from_rvec([0, 0, 0], [0, 0, 1])
+        seen.add_row(PoseRow(frame, "", pose, confidence=0.9, milliseconds=9.0))
+        unseen.add_row(PoseRow(frame, "", confidence=0.1, milliseconds=9.0, state="lost"))
+    args = Namespace(
+        video="clip.mp4", mesh=["cup.glb", "can.glb"], start=[Path("cup.json"), None],
+        distance=None, box=None, mask=None, points=None, output="out",
+    )  # fmt: skip
+    assert verdict(args, [seen, unseen], ["cup", "can"]) == 0
+    (said,) = capsys.readouterr().err.splitlines()
+    assert "clip.mp4: can was not found in any of 3 frames; narrow the search by" in said
+    assert said.endswith("by --distance or --start.")
 
 
 @pytest.mark.parametrize("more", [[], ["--resume"]])

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
+import trimesh
 
 from moveit6d.actions import PoseAction, pose_delta
 from moveit6d.config import ActionMode, LoopConfig
@@ -340,3 +341,13 @@ def test_of_several_starts_the_most_confident_goes_on(brick: Mesh) -> None:
     for i, result in enumerate(results):
         assert result.centred is not None
         assert counts_left(brick, brick.outer(result.centred), truth[i]) < 0.5
+
+
+def test_nobody_is_sure_of_what_the_rendering_does_not_show() -> None:
+    sheet = trimesh.creation.box((0.3, 0.2, 0.0005))
+    mesh = Mesh.from_arrays("sheet", sheet.vertices, sheet.faces)
+    poses = [Pose.from_rvec([np.radians(turn), 0, 0], [0, 0, 0.5]) for turn in (90, 45)]
+    targets = [Target(IMAGE, CAMERA, mesh, pose) for pose in poses]
+    policy = Onlooker(mesh.inner(Pose.stack(poses)), ActionMode.ALL_AXES)
+    edge_on, seen = refine_batch(targets, policy=policy, renderer=make_renderer())
+    assert (edge_on.confidence, seen.confidence) == (0.0, 1.0)

@@ -85,13 +85,11 @@ def verdict(args: argparse.Namespace, records: Sequence[TrackSummary], names: Se
             first = failures[0]["error"] if failures else "there was no frame."
             raise InputError(f"no frame could be tracked; the first says: {first}")
         what = "the object was" if len(records) == 1 else "the objects were"
-        then = "" if args.start else advice(args)
-        print(
-            f"moveit6d: {args.video}: {what} not found in any of {frames} frames{then}.",
-            file=sys.stderr,
-        )
+        _say_not_found(args, what, frames, args.start)
         return NOT_FOUND
-    for record, name in zip(records, names, strict=True):
+    for number, (record, name) in enumerate(zip(records, names, strict=True)):
+        if record.failed == frames:
+            _say_not_found(args, f"{name} was", frames, args.start and args.start[number])
         pace = record.facts()["median_milliseconds"] or 0.0
         lost = record.states.get("lost", 0)
         text = f"{frames} frames, {record.failed} failed, {pace:.0f} ms a frame"
@@ -101,3 +99,11 @@ def verdict(args: argparse.Namespace, records: Sequence[TrackSummary], names: Se
             text += f", perhaps lost from frame {record.lost_from}"
         print(f"{name}: {text}: {args.output}" if name else f"{text}: {args.output}")
     return 0
+
+
+def _say_not_found(args: argparse.Namespace, what: str, frames: int, start: Any) -> None:
+    """Say that no frame shows an object, and what would narrow the search, if there was one."""
+    searched = argparse.Namespace(**{**vars(args), "start": None})  # others may have one
+    then = "" if start else advice(searched)
+    said = f"{args.video}: {what} not found in any of {frames} frames{then}."
+    print(f"moveit6d: {said}", file=sys.stderr)

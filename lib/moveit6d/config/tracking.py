@@ -14,6 +14,7 @@ from .detection import DetectorConfig
 from .loop import LoopConfig
 from .ranges import check_range
 from .recovery import RecoveryConfig
+from .types import check_types
 
 
 @dataclass(frozen=True)
@@ -376,6 +377,7 @@ class TrackerConfig:
     keyframes: KeyframeConfig = field(default_factory=KeyframeConfig)
 
     def __post_init__(self) -> None:
+        check_types(self)
         if not 0 <= self.low_confidence <= self.high_confidence <= 1:
             raise InputError(
                 "TrackerConfig: 0 ≤ low_confidence ≤ high_confidence ≤ 1 is needed, found "

@@ -15,7 +15,7 @@ from ..config import LoopConfig
 from ..geometry.mesh import sphere_diameters
 from ..geometry.pose import Pose
 from ..networks.policy_output import PolicyOutput
-from ..observation import observe
+from ..observation import Observation, observe
 from ..policies import LoopState, Policy, mode_of, to_action
 from ..rendering.renderer import Renderer
 from .keyframes import recall
@@ -23,6 +23,7 @@ from .results import Refined, Start, Target, TrackingResult, starts_of
 from .schedule import Schedule
 
 DEFAULT = LoopConfig()
+LEAST_SHOWN = 16  # pixels of the rendering: with fewer there is nothing to compare
 
 
 def refine_batch(
@@ -75,6 +76,7 @@ def refine_starts(
         state = LoopState(current, diameter, numbers[rows])
         output = policy.predict(observation, state)
         output = _without_bias(output, depth_bias[rows] * schedule.fine[rows])
+        output = _sure_of_what_shows(output, observation)
         action = to_action(output, mode, loop.step_size, loop.stop_delta)
         updated = action.apply_centred(current, diameter, policy.crop)
         pose = _replaced(pose, rows, updated)
@@ -109,6 +111,15 @@ def _without_bias(output: PolicyOutput, depth_bias: Tensor) -> PolicyOutput:
     delta = output.delta.clone()
     delta[:, 2] -= depth_bias
     return replace(output, delta=delta)
+
+
+def _sure_of_what_shows(output: PolicyOutput, observation: Observation) -> PolicyOutput:
+    """The prediction, of confidence 0 where the rendering shows nothing: a sheet seen edge-on.
+
+    A policy would find no difference there.
+    """
+    shown = observation.mask.sum((1, 2, 3)).to(output.confidence) >= LEAST_SHOWN
+    return replace(output, confidence=output.confidence * shown)
 
 
 def _replaced(poses: Pose, index: Tensor, updated: Pose) -> Pose:

@@ -19,7 +19,7 @@ class TrackingState(StrEnum):
     """What is known of an object in a frame."""
 
     TRACKING = "tracking"  # the pose is probably right
-    UNCERTAIN = "uncertain"  # there is a pose; it may be wrong
+    UNCERTAIN = "uncertain"  # the pose may be wrong; there is none if the frame was of no use
     LOST = "lost"  # no pose: the object is out of view, covered, or somewhere else
 
 
