@@ -128,7 +128,7 @@ def test_poses_come_back_and_holes_stay_holes(tmp_path: Path) -> None:
     lines = path.read_text().splitlines()
     assert lines[0] == (
         "frame,image,r11,r12,r13,r21,r22,r23,r31,r32,r33,tx,ty,tz,"
-        "steps,stopped_by,confidence,probability,milliseconds,state"
+        "iterations,stopped_by,confidence,probability,milliseconds,state"
     )
     assert lines[2] == "1,b.png,,,,,,,,,,,,,,failed,,,,"
     back = read_poses(path)
@@ -201,10 +201,20 @@ def test_names_that_are_not_utf8_are_written(tmp_path: Path) -> None:
     assert read_poses(tmp_path / "poses.csv")[0].image == "frame\\udce4.png"
 
 
+def test_tables_that_call_the_iterations_steps_are_read_and_gone_on_with(tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    write_poses(path, [PoseRow(0, pose=some_pose(), iterations=3)])
+    path.write_text(path.read_text().replace(",iterations,", ",steps,"))
+    with PoseWriter(path, resume=True) as table:
+        table.write(PoseRow(1, pose=some_pose(), iterations=2))
+    assert [row.iterations for row in read_poses(path)] == [3, 2]
+    assert path.read_text().count("steps") == 1
+
+
 @pytest.mark.parametrize(
     ("column", "value", "words"),
     [
-        ("steps", "nan", "steps must be a finite number"),
+        ("iterations", "nan", "iterations must be a finite number"),
         ("confidence", "inf", "confidence must be a finite number"),
         ("tz", "500", "looks like millimetres"),
         ("frame", "1e300", "frame must be a whole number"),

@@ -165,3 +165,22 @@ def test_in_a_race_only_the_most_confident_start_goes_on(brick: Mesh) -> None:
         assert found.confidence == pytest.approx(0.95)
         asked.append(policy.asked)
     assert asked[0] % 3 == 0 and asked[1] == 3 + (asked[0] - 3) // 3
+
+
+def test_a_race_is_not_cut_where_a_batch_ends(brick: Mesh) -> None:
+    policy = NearSighted(brick.inner(at(0.0)), 60.0)
+    starts = starts_of([Target(GRAY, CAMERA, brick, at(x)) for x in (0.03, 0.02, -0.025)])
+    low = dataclasses.replace(
+        refine_starts(starts[:1], policy=policy, renderer=RENDERER)[0], confidence=0.1
+    )
+    asked = []
+    for size in (2, 4, 32):
+        multi_start = dataclasses.replace(NO_CONTOUR.multi_start, batch_size=size)
+        config = dataclasses.replace(NO_CONTOUR, multi_start=multi_start)
+        policy.asked = 0
+        found = most_confident(
+            [low, low], [starts, starts], policy=policy, renderer=RENDERER, config=config, race=True
+        )
+        assert [one.confidence for one in found] == [pytest.approx(0.95)] * 2
+        asked.append(policy.asked)
+    assert asked == [asked[-1]] * 3, "of each object one start goes on"

@@ -38,7 +38,7 @@ def a_field(sink: torch.Tensor, step: float = 10.0) -> SeedField:
     y, x = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
     centres = torch.stack([x, y], -1).double() * step
     zero = torch.zeros(height, width, 2).double()
-    return SeedField(centres, zero, zero, sink.double(), zero[..., 0], 4 * step)
+    return SeedField(centres, zero, sink.double(), zero[..., 0], 4 * step)
 
 
 def test_seeds_stand_at_their_pixels_and_look_alike() -> None:

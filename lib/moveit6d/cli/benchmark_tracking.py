@@ -47,7 +47,7 @@ protocols (--protocol):
 Frames whose pose was given are not scored, but with --count_resets they are.
 
 files written to --output (nothing without it):
-  <sequence>.csv   frame,r11,...,r33,tx,ty,tz,milliseconds,steps,stopped_by,confidence,reset,
+  <sequence>.csv   frame,r11,...,r33,tx,ty,tz,milliseconds,iterations,stopped_by,confidence,reset,
                    state; the first row is the start
   <sequence>.json  how the track was made; written last, so it marks a finished sequence
   <sequence>.mp4   with --overlays: outline and axes drawn on the frames

@@ -93,11 +93,11 @@ files read:
 
 files written to --output:
   poses.csv     (rows can be read while the track runs)
-                frame,image,r11,...,r33,tx,ty,tz,steps,stopped_by,confidence,
+                frame,image,r11,...,r33,tx,ty,tz,iterations,stopped_by,confidence,
                 probability,milliseconds,state;
                 one row a frame (of several objects one row each, with a column object before
                 state), empty numbers where there is no pose; the state is tracking, uncertain
-                (there is a pose, it may be wrong) or lost
+                (it may be wrong, or the frame was of no use) or lost
   overlay.mp4   outline and axes drawn on the frames (red where the confidence is low)
   start.png     the start pose, given or found, drawn on the first frame
   summary.json  frames, failed frames, milliseconds, states and events (from which frame to which

@@ -28,9 +28,10 @@ from ..io import check_writable, read_text, replacing, write_all
 ROTATION_COLUMNS = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
 POSE_COLUMNS = (*ROTATION_COLUMNS, "tx", "ty", "tz")
 TRACK_COLUMNS = (
-    "frame", "image", *POSE_COLUMNS, "steps", "stopped_by", "confidence", "probability",
+    "frame", "image", *POSE_COLUMNS, "iterations", "stopped_by", "confidence", "probability",
     "milliseconds", "state",
 )  # fmt: skip
+FORMER = {"steps": "iterations"}  # columns as tables of earlier versions call them
 # A benchmark's result: one such file a sequence.
 RESULT_COLUMNS = ("frame", *POSE_COLUMNS, "milliseconds")
 
@@ -103,7 +104,8 @@ class PoseWriter:
             self._file.truncate(self._end)
             self._file.seek(self._end)
             first = content[: content.find(b"\n") + 1].decode("utf-8", errors="replace")
-            there = tuple(column.strip() for column in first.split(","))
+            names = (column.strip() for column in first.split(","))
+            there = tuple(FORMER.get(name, name) for name in names)
             if set(there) <= set(self.columns):
                 self.columns = there
         return self
@@ -233,12 +235,13 @@ def _read_row(row: Mapping[str, str | None], where: str, center: Callable[[str],
     frame = _optional(row["frame"], f"{where}: frame")
     if frame is None or not frame.is_integer() or abs(frame) > 2**53:
         raise InputError(f"{where}: frame must be a whole number, found {row['frame']!r}.")
-    iterations = _optional(row.get("steps"), f"{where}: steps")
+    row = {FORMER.get(column, column): text for column, text in row.items()}
+    iterations = _optional(row.get("iterations"), f"{where}: iterations")
     return PoseRow(
         frame=int(frame),
         image=row.get("image") or "",
         pose=pose,
-        iterations=None if iterations is None else whole(iterations, f"{where}: steps"),
+        iterations=None if iterations is None else whole(iterations, f"{where}: iterations"),
         stopped_by=row.get("stopped_by") or "",
         confidence=_finite(row.get("confidence"), f"{where}: confidence"),
         milliseconds=_finite(row.get("milliseconds"), f"{where}: milliseconds"),
@@ -256,7 +259,7 @@ def _cell(row: PoseRow, column: str) -> str:
         index = POSE_COLUMNS.index(column)
         flat = row.pose.rotation.reshape(9) if index < 9 else row.pose.translation
         return f"{float(flat[index % 9]):.10g}"
-    value = row.iterations if column == "steps" else getattr(row, column)
+    value = getattr(row, column)
     if value is None:
         return ""
     if isinstance(value, bool):

@@ -6,7 +6,7 @@ Never replaces a result by a less confident one.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -65,9 +65,7 @@ def most_confident(
     """
     begin = time.perf_counter()
     found = list(results)
-    starts = [(i, start) for i, some in enumerate(others) for start in some]
-    for first in range(0, len(starts), config.multi_start.batch_size):
-        part = starts[first : first + config.multi_start.batch_size]
+    for part in _batches(others, config.multi_start.batch_size, race):
         owners = [i for i, _ in part]
         ends = refine_starts(
             [start for _, start in part],
@@ -85,6 +83,24 @@ def most_confident(
         replace(now, milliseconds=before.milliseconds + spent) if some else now
         for now, before, some in zip(found, results, others, strict=True)
     ]
+
+
+def _batches(
+    others: Sequence[Sequence[Start]], size: int, together: bool
+) -> Iterator[list[tuple[int, Start]]]:
+    """The starts with the number of their result, `size` at a time.
+
+    A batch is larger where those of one result are to be `together`.
+    """
+    batch: list[tuple[int, Start]] = []
+    for i, some in enumerate(others):
+        for start in some:
+            if len(batch) >= size and not (together and batch[-1][0] == i):
+                yield batch
+                batch = []
+            batch.append((i, start))
+    if batch:
+        yield batch
 
 
 def _others(

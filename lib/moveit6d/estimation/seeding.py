@@ -36,15 +36,14 @@ class SeedField:
     """What one iteration at every seed of a grid said; rows × columns = h × w.
 
     `centres` (h, w, 2) are the seeds' pixels; `vectors` (h, w, 2) the predicted shifts in the
-    image, of length 1 for one seeded pose and their mean for several; `smooth` (h, w, 2) the field
-    after smoothing; `sink` (h, w) is −∇·V of the smooth field times `size`, a pure number;
+    image, of length 1 for one seeded pose and their mean for several; `sink`
+    (h, w) is −∇·V of the field after smoothing times `size`, a pure number;
     `confidence` (h, w) is the policy's at each seed; `size` the width in pixels of the object's
     sphere as seeded.
     """
 
     centres: Tensor
     vectors: Tensor
-    smooth: Tensor
     sink: Tensor
     confidence: Tensor
     size: float
@@ -92,7 +91,7 @@ def seed_field(
     step = spacing(centres)
     smooth = smoothed(vectors, config.smoothing * size / step)
     sink = size * sink_of(smooth, step)
-    return SeedField(centres, vectors, smooth, sink, confidence.reshape(centres.shape[:2]), size)
+    return SeedField(centres, vectors, sink, confidence.reshape(centres.shape[:2]), size)
 
 
 def _shifts(

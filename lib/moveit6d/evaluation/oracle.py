@@ -28,7 +28,7 @@ BATCH = 25
 def oracle_errors(
     meshes: Sequence[Mesh], renderer: Renderer, mode: ActionMode, starts: int, seed: int = 0
 ) -> Iterator[float]:
-    """Largest count left on any axis at the end of each of `starts` loops, in steps.
+    """Largest delta left on any axis at the end of each of `starts` loops, in steps.
 
     Starts are drawn from the paper's five clusters, objects in turn. Infinity for a failed loop.
     """

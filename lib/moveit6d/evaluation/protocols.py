@@ -40,13 +40,11 @@ class Protocol:
         name: what tables and options call it.
         reset_every: give the true pose in every frame whose number this divides; None never.
         reset_on: whose rule says that a track is lost; None no one's.
-        max_iterations: limit a frame in the published runs. Whoever makes the tracker decides.
     """
 
     name: str
     reset_every: int | None = None
     reset_on: Literal["rbot", "laval"] | None = None
-    max_iterations: int = 30
 
     def __post_init__(self) -> None:
         if self.reset_every is not None and self.reset_every < 1:
@@ -76,7 +74,7 @@ def follow_protocol(
     truth: Mapping[int, Pose],
     protocol: Protocol,
 ) -> Iterator[TrackedFrame]:
-    """One step a frame, as `follow` makes them; `row.reset` marks frames with a reset.
+    """One step a frame, as `run_tracker` makes them; `row.reset` marks frames with a reset.
 
     `frames` are those after the start frame; poses of `truth` (by frame number, mesh file's frame)
     are shown to the tracker only in a reset. As in the Laval authors' code the frames are counted

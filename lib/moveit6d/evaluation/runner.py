@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ..rendering.renderer import Renderer
 
 # Of our own tracks: what every result has, and what a report of it needs.
-OWN_COLUMNS = (*RESULT_COLUMNS, "steps", "stopped_by", "confidence", "reset", "state")
+OWN_COLUMNS = (*RESULT_COLUMNS, "iterations", "stopped_by", "confidence", "reset", "state")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -160,7 +160,7 @@ def tracking_table(
     """Markdown table of sequences' scores by level, and of all together.
 
     `levels` gives each sequence's level. Figures are means over sequences, but for the median ADD
-    and the steps, which are the median of the sequences' medians.
+    and the iterations, which are the median of the sequences' medians.
     """
     groups = _groups(scores, levels)
     columns = _Columns.of(scores.values())
@@ -207,7 +207,7 @@ def _rank(level: str) -> tuple[int, str]:
 
 @dataclass(frozen=True)
 class _Columns:
-    """The columns of a table: those of resets and steps are there if a score has any."""
+    """The columns of a table: those of resets and iterations are there if a score has any."""
 
     resets: bool
     iterations: bool

@@ -209,12 +209,12 @@ class CompactCorrelationNet(nn.Module):
     ) -> Tensor:
         """Numbers (B, 9) that tell how well the match holds together."""
         on4, on8 = object4.flatten(1), object8.flatten(1)
-        observation = torch.sigmoid(fine.visibility).flatten(1)
+        visible = torch.sigmoid(fine.visibility).flatten(1)
         trusted = torch.sigmoid(fine.weight).flatten(1)
         pairs = (residual * trusted * on4).sum(1) / ((trusted * on4).sum(1) + 1e-3)
         return torch.stack(
             [
-                _mean(observation, on4),
+                _mean(visible, on4),
                 _mean(trusted, on4),
                 torch.log1p(pairs),
                 torch.log1p(_mean(residual, on4)),

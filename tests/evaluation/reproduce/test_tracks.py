@@ -32,7 +32,7 @@ def rows_of(video: Sequence) -> dict[int, PoseRow]:
 
 def test_the_start_and_given_frames_do_not_count(video: Sequence) -> None:
     track = scored(video, rows_of(video))
-    assert track is not None and track.frames == (2, 3, 4) and track.held == 0
+    assert track is not None and track.frames == (2, 3, 4)
     assert track.iterations == (2, 3, 4) and track.milliseconds == (9.0,) * 3
     torch.testing.assert_close(track.estimate.translation, track.truth.translation)
 
@@ -47,6 +47,6 @@ def test_a_frame_without_a_pose_keeps_the_last_one(video: Sequence) -> None:
     moved = Pose(video.start.rotation, video.start.translation + 0.01)
     rows = {2: PoseRow(2, pose=moved, iterations=3), 3: PoseRow(3)}
     track = scored(video, rows)
-    assert track is not None and track.frames == (2, 3) and track.held == 1
+    assert track is not None and track.frames == (2, 3)
     assert track.iterations == (3, None) and track.milliseconds == (None, None)
     torch.testing.assert_close(track.estimate.translation[1], moved.translation)

@@ -33,7 +33,7 @@ FOUND = 0.5  # of the object's width: a sink nearer than this to the true centre
 
 @dataclass(frozen=True)
 class DetectionTrial:
-    """One frame. Errors in diameters (ADD(-S)) and degrees; infinite where there is no pose.
+    """One frame. Errors in diameters (ADD(-S)) and degrees; infinite and 180 without a pose.
 
     `rank` is the object's place among those looked into, from 1 (None: not among them); `size` the
     width tried there that is nearest to the true one, in true ones; `best` the smallest error of

@@ -21,7 +21,7 @@ class ScoredTrack:
     """One sequence's scored frames (N) beside their true poses, mesh file's frame.
 
     The first frame and those whose pose was given by the protocol are left out; a frame without a
-    pose keeps the last one before it (`held` counts those); `iterations` and `milliseconds` (N,)
+    pose keeps the last one before it; `iterations` and `milliseconds` (N,)
     are by frame, None where nobody counted, as of a frame that could not be read.
     """
 
@@ -29,7 +29,6 @@ class ScoredTrack:
     frames: tuple[int, ...]
     estimate: Pose
     truth: Pose
-    held: int
     iterations: tuple[int | None, ...]
     milliseconds: tuple[float | None, ...]
 
@@ -41,12 +40,11 @@ def scored(video: Video, rows: Mapping[int, PoseRow]) -> ScoredTrack | None:
     """
     known = scored_truth(video, rows)
     frames, estimates, iterations, times = [], [], [], []
-    last, held = video.start, 0
+    last = video.start
     for frame, row in sorted(rows.items()):
         last = last if row.pose is None else row.pose
         if frame == video.first or frame not in known:
             continue
-        held += row.pose is None
         frames.append(frame)
         estimates.append(last)
         iterations.append(row.iterations)
@@ -55,4 +53,4 @@ def scored(video: Video, rows: Mapping[int, PoseRow]) -> ScoredTrack | None:
         return None
     truth = Pose.stack([known[frame].to(torch.float64) for frame in frames])
     found = Pose.stack([pose.to(torch.float64) for pose in estimates])
-    return ScoredTrack(video, tuple(frames), found, truth, held, tuple(iterations), tuple(times))
+    return ScoredTrack(video, tuple(frames), found, truth, tuple(iterations), tuple(times))
