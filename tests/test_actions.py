@@ -1,6 +1,7 @@
 """`PoseAction`: a test for each sentence of the convention, inverses as properties, expert."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from moveit6d.actions import (
     expert_delta,
     pose_delta,
 )
+from moveit6d.errors import InputError
 from moveit6d.geometry.camera import project
 from moveit6d.geometry.crop import OBJECT_SIZE, Crop, axis_parallel, look_at
 from moveit6d.geometry.mesh import Mesh
@@ -197,6 +199,81 @@ def test_updates_compose_and_invert_on_poses_of_the_mesh_file(brick: Mesh, crop:
     torch.testing.assert_close(found.delta, first.delta.double())
     back = first.inverse(pose, brick, crop).apply(middle, brick, crop)
     assert torch.allclose(back.matrix, pose.to(torch.float64).matrix)
+
+
+# Convention: "n must be above −b, where the object is infinitely far".
+@pytest.mark.parametrize("t_z", [-OBJECT_SIZE, -OBJECT_SIZE - 1, -1000, math.nan, math.inf])
+def test_no_update_moves_the_object_behind_the_camera(brick: Mesh, t_z: float) -> None:
+    delta = torch.tensor([[0.0] * 6, [0, 0, t_z, 0, 0, 0]], dtype=torch.float64)
+    poses = Pose.stack([a_pose(), a_pose(1)])
+    with pytest.raises(InputError, match=r"t_z above -91\.43"):
+        PoseAction.from_delta(delta).apply(poses, brick)
+    near = PoseAction.from_delta([0, 0, 1e-6 - OBJECT_SIZE, 0, 0, 0]).apply(a_pose(), brick)
+    assert float(near.translation[2]) > 1e6
+
+
+def test_no_update_leads_behind_the_camera(brick: Mesh) -> None:
+    start = a_pose()
+    for goal in (
+        Pose(start.rotation, -start.translation),
+        Pose(start.rotation, math.nan * start.translation),
+    ):
+        with pytest.raises(InputError, match="behind the virtual camera"):
+            PoseAction.between(start, goal, brick)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"crop": "bad"}, "crop is 'bad', must be 'look_at' or 'axis_parallel'"),
+        ({"start": np.eye(4)}, "pose must be a Pose"),
+        ({"mesh": "drill.obj"}, "mesh must be a Mesh"),
+    ],
+)
+def test_what_is_no_pose_mesh_or_crop_is_said(
+    brick: Mesh, change: dict[str, Any], words: str
+) -> None:
+    given = {"start": a_pose(), "goal": a_pose(1), "mesh": brick, **change}
+    with pytest.raises(InputError, match=words):
+        PoseAction.between(**given)
+
+
+def test_updates_are_made_of_every_kind_of_number() -> None:
+    for values in (
+        [1, 0, 0, 0, 0, -2],
+        np.array([1, 0, 0, 0, 0, -2]),
+        torch.tensor([1, 0, 0, 0, 0, -2]),
+    ):
+        action = PoseAction.from_delta(values)
+        assert action.delta.tolist() == [1, 0, 0, 0, 0, -2] and action.delta.is_floating_point()
+    for index in (ActionSpace.T_Y_MINUS, 3, np.int64(3), torch.tensor(3), torch.tensor(3.0)):
+        assert PoseAction.from_index(index, 2).delta.tolist() == [0, -2, 0, 0, 0, 0]
+    assert bool(PoseAction.from_index(ActionSpace.STOP).stop)
+    assert PoseAction.from_index([ActionSpace.STOP, 0]).stop.tolist() == [True, False]
+    assert PoseAction.from_one_hot(np.eye(13)).delta.shape == (13, 6)
+
+
+@pytest.mark.parametrize("index", [13, -1, 0.5, math.nan, "stop", torch.tensor([0, 13])])
+def test_what_is_no_action_is_said(index: Any) -> None:
+    with pytest.raises(InputError, match=r"whole number from 0 to 12|must be numbers"):
+        PoseAction.from_index(index)
+    for make, values in ((PoseAction.from_delta, [0.0] * 5), (PoseAction.from_one_hot, [0.0] * 12)):
+        with pytest.raises(InputError, match=r"must be \(\.\.\., (6|13)\), found shape"):
+            make(values)
+
+
+def test_updates_and_poses_of_other_shapes_are_said(brick: Mesh) -> None:
+    poses = Pose.stack([a_pose(), a_pose(1)])
+    assert PoseAction.from_delta(torch.zeros(6)).apply(poses, brick).batch_shape == (2,)
+    with pytest.raises(InputError, match=r"shapes \(2,\) and \(3,\) do not fit"):
+        PoseAction.from_delta(torch.zeros(3, 6)).apply(poses, brick)
+    with pytest.raises(InputError, match=r"shapes \(2,\) and \(3,\) do not fit"):
+        PoseAction.between(poses, poses[[0, 0, 1]], brick)
+
+
+def test_updates_can_be_compared() -> None:
+    one, other = PoseAction.from_index([0, 1]), PoseAction.from_index([0, 1])
+    assert one == one and one != other and other in [one, other] and len({one, other}) == 2
 
 
 def test_an_update_changes_its_type_and_device() -> None:

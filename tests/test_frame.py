@@ -147,3 +147,8 @@ def test_a_copy_has_pixels_of_its_own() -> None:
     image[:] = 0
     assert not frame.pixels.any() and kept.camera is CAMERA
     np.testing.assert_array_equal(kept.pixels.permute(1, 2, 0).numpy(), RGB)
+
+
+def test_frames_can_be_compared() -> None:
+    one, other = prepare_frame(RGB, CAMERA), prepare_frame(RGB, CAMERA)
+    assert one == one and one != other and other in [one, other] and len({one, other}) == 2

@@ -15,14 +15,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any, get_args
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from .errors import InputError
 from .geometry.crop import OBJECT_SIZE, Crop, view_of
+from .geometry.inputs import instance_of
 from .geometry.mesh import Mesh
+from .geometry.numbers import float64_of, vectors
 from .geometry.pose import Pose
 from .geometry.rotation import exp_so3, log_so3
+from .typing import Numbers
 
 
 class ActionSpace(IntEnum):
@@ -43,7 +49,7 @@ class ActionSpace(IntEnum):
     STOP = 12
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PoseAction:
     """A relative SE(3) update in action units, and whether to stop.
 
@@ -52,7 +58,8 @@ class PoseAction:
 
     `between`, `apply`, `then` and `inverse` work on poses in the mesh file's frame, those that
     users have. What an update means in metres depends on the pose that it starts from, so that
-    composition and inversion need that pose too.
+    composition and inversion need that pose too. Two updates are equal only if they are the same
+    object.
 
     Examples:
         >>> import torch
@@ -65,36 +72,64 @@ class PoseAction:
     stop: Tensor
 
     @staticmethod
-    def from_delta(delta: Tensor) -> PoseAction:
+    def from_delta(delta: Numbers) -> PoseAction:
         """An update by a delta (..., 6) that does not stop."""
+        delta = vectors(delta, 6, "PoseAction.from_delta", "delta")
         stop = torch.zeros(delta.shape[:-1], dtype=torch.bool, device=delta.device)
         return PoseAction(delta, stop)
 
     @staticmethod
-    def from_index(index: Tensor, step_size: float = 1.0) -> PoseAction:
-        """Single actions (...) of `ActionSpace`, each `step_size` units long."""
-        return PoseAction.from_one_hot(torch.nn.functional.one_hot(index, 13), step_size)
+    def from_index(index: Any, step_size: float = 1.0) -> PoseAction:
+        """Single actions (...) of `ActionSpace`, each `step_size` units long.
+
+        One of `ActionSpace`, or whole numbers from 0 to 12; `InputError` for others.
+
+        >>> PoseAction.from_index(ActionSpace.T_X_PLUS).delta.tolist()
+        [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        """
+        given = index if isinstance(index, Tensor) else float64_of(index, "PoseAction", "index")
+        whole = given.to(torch.int64)
+        if not bool(((whole == given) & (whole >= 0) & (whole < len(ActionSpace))).all()):
+            raise InputError("PoseAction.from_index: an action is a whole number from 0 to 12.")
+        return PoseAction.from_one_hot(torch.nn.functional.one_hot(whole, 13), step_size)
 
     @staticmethod
-    def from_one_hot(one_hot: Tensor, step_size: float = 1.0) -> PoseAction:
+    def from_one_hot(one_hot: Numbers, step_size: float = 1.0) -> PoseAction:
         """From vectors v (..., 13) of zeros and one 1, the paper's notation."""
-        value = one_hot.to(torch.float64)
+        value = vectors(one_hot, 13, "PoseAction.from_one_hot", "one_hot").to(torch.float64)
         delta = (value[..., 0:12:2] - value[..., 1:12:2]) * step_size
-        return PoseAction(delta, one_hot[..., 12] > 0)
+        return PoseAction(delta, value[..., 12] > 0)
 
     @staticmethod
     def between(start: Pose, goal: Pose, mesh: Mesh, crop: Crop = "look_at") -> PoseAction:
         """The update that takes `start` to `goal`, poses (...) in the mesh file's frame.
 
-        Exact inverse of `apply`. The goal must lie in front of the virtual camera that looks at
-        `start`; rotations go the shorter way round.
+        Exact inverse of `apply`. Rotations go the shorter way round. `InputError` for a goal that
+        does not lie in front of the virtual camera that looks at `start`.
         """
-        centred = mesh.inner(start.to(torch.float64)), mesh.inner(goal.to(torch.float64))
-        return PoseAction.from_delta(pose_delta(*centred, _diameter(mesh, start), crop))
+        first, last = _centred(start, mesh, crop), _centred(goal, mesh, crop)
+        _check_shapes(first.batch_shape, last.batch_shape)
+        delta = pose_delta(first, last, _diameter(mesh, start), crop)
+        if not _is_in_front(delta):
+            raise InputError(
+                "PoseAction.between: the goal lies behind the virtual camera that looks at the "
+                "start; no update leads there."
+            )
+        return PoseAction.from_delta(delta)
 
     def apply(self, pose: Pose, mesh: Mesh, crop: Crop = "look_at") -> Pose:
-        """Poses (...) in the mesh file's frame after the update; float64."""
-        centred = mesh.inner(pose.to(torch.float64))
+        """Poses (...) in the mesh file's frame after the update; float64.
+
+        `InputError` for a t_z of −b or less (b = `OBJECT_SIZE` = 91.4), which would move the object
+        to infinity and beyond, behind the camera.
+        """
+        centred = _centred(pose, mesh, crop)
+        _check_shapes(centred.batch_shape, self.delta.shape[:-1])
+        if not _is_in_front(self.delta):
+            raise InputError(
+                f"PoseAction.apply: the delta must be finite and its t_z above {-OBJECT_SIZE:.2f}, "
+                "beyond which no object is in front of the camera."
+            )
         return mesh.outer(self.apply_centred(centred, _diameter(mesh, pose), crop))
 
     def then(self, other: PoseAction, pose: Pose, mesh: Mesh, crop: Crop = "look_at") -> PoseAction:
@@ -121,12 +156,12 @@ class PoseAction:
     def one_hot(self) -> Tensor:
         """Vectors (..., 13) of a single action; the inverse of `from_one_hot` for any step size.
 
-        An update along several axes at once has no such vector: `ValueError`.
+        An update along several axes at once has no such vector: `InputError`.
         """
         signs = torch.stack([self.delta > 0, self.delta < 0], -1).flatten(-2)
         vector = torch.cat([signs, self.stop[..., None]], -1)
         if not (vector.sum(-1) == 1).all():
-            raise ValueError("PoseAction.one_hot: each must be one single action or stop.")
+            raise InputError("PoseAction.one_hot: each must be one single action or stop.")
         return vector.to(torch.int64)
 
     def apply_centred(self, pose: Pose, sphere_diameter: Tensor, crop: Crop = "look_at") -> Pose:
@@ -214,6 +249,31 @@ def mirror_delta(delta: Tensor) -> Tensor:
     Shifts along x and turns about y and z change their signs.
     """
     return delta * delta.new_tensor([-1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
+
+
+def _centred(pose: Pose, mesh: Mesh, crop: Crop) -> Pose:
+    """The centred pose in float64; `InputError` for what is no pose, no mesh and no crop."""
+    if crop not in get_args(Crop):
+        known = " or ".join(repr(name) for name in get_args(Crop))
+        raise InputError(f"PoseAction: the crop is {crop!r}, must be {known}.")
+    mesh = instance_of(mesh, Mesh, "mesh", "Mesh.load(path, unit) reads one")
+    pose = instance_of(pose, Pose, "pose", "Pose.from_matrix(matrix) makes one")
+    return mesh.inner(pose.to(torch.float64))
+
+
+def _check_shapes(one: torch.Size, other: torch.Size) -> None:
+    try:
+        np.broadcast_shapes(one, other)
+    except ValueError:
+        raise InputError(
+            f"PoseAction: shapes {tuple(one)} and {tuple(other)} do not fit together; give as "
+            "many, or a single one."
+        ) from None
+
+
+def _is_in_front(delta: Tensor) -> bool:
+    """Whether deltas (..., 6) end in front of the virtual camera: see `t_z`."""
+    return bool((torch.isfinite(delta).all(-1) & (delta[..., 2] > -OBJECT_SIZE)).all())
 
 
 def _diameter(mesh: Mesh, pose: Pose) -> Tensor:

@@ -17,11 +17,12 @@ from .geometry.images import image_tensor
 from .typing import ImageLike
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Frame:
     """A checked image: pixels (3, H, W) uint8 or float in [0, 1], and the camera that took it.
 
     The pixels are as the lens drew them: `crop_patch` takes the camera's lens and sees through it.
+    Two frames are equal only if they are the same object.
     """
 
     pixels: Tensor

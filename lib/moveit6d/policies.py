@@ -33,7 +33,7 @@ BATCH_SIZE = 32  # crops a pass of a network: larger batches are hardly faster a
 SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "multi_object.safetensors"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LoopState:
     """Where the loop stands: for policies that know more than what is seen.
 
@@ -168,11 +168,11 @@ class OraclePolicy:
     def __init__(
         self, truth: Pose, mode: ActionMode = ActionMode.SINGLE, crop: Crop = "look_at"
     ) -> None:
-        if len(truth.translation.shape) != 2:
+        if not isinstance(truth, Pose) or len(truth.batch_shape) != 1:
             raise InputError(
                 "OraclePolicy: truth must be a batch of poses, one a target: Pose.stack([pose])."
             )
-        self.truth, self.mode, self.crop = truth.to(torch.float64), mode, crop
+        self.truth, self.mode, self.crop = truth.detach().to(torch.float64), mode, crop
 
     def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
         """The expert's action, and the exact delta to the truth."""
@@ -194,7 +194,8 @@ def load_policy(
 
     `compute` are the numbers of its convolutions: `auto` takes bfloat16 where the processor has
     AMX instructions, which is faster and changes poses by hundredths of a unit; with `float32` they
-    are what they are on machines without.
+    are what they are on machines without. `InputError` for other numbers, and for a device that
+    this machine does not have.
 
     >>> load_policy().mode.value
     'all_axes'

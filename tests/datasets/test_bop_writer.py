@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from moveit6d.datasets.bop import BopDataset, BopTarget
+from moveit6d.datasets.bop import BopDataset, BopTarget, Instance
 from moveit6d.datasets.bop_sequences import read_bop_sequences
 from moveit6d.datasets.bop_writer import BopImage, write_bop
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.symmetry import Symmetries
 from tests.support.bop_by_hand import TURN
 
 
@@ -95,3 +96,50 @@ def test_a_lens_is_refused(tmp_path: Path, scene: Any) -> None:
     image = BopImage(3, 1, scene.image(1), camera, [])
     with pytest.raises(InputError, match=r"image 1: scene_camera\.json holds no lens distortion"):
         write_bop(tmp_path / "set", "test", {4: scene.mesh}, [image])
+
+
+def pictures(scene: Any, object: int, *places: tuple[int, int]) -> list[BopImage]:
+    """Images of one object, by scene and number."""
+    return [
+        BopImage(
+            place, number, scene.image(number), scene.camera, [Instance(object, scene.pose(1))]
+        )
+        for place, number in places
+    ]
+
+
+def test_another_split_leaves_models_and_targets_as_they_are(
+    root: Path, scene: Any, objects: dict[int, Mesh], brick: Mesh
+) -> None:
+    names = ("models/models_info.json", "models/obj_000004.ply", "test_targets_bop19.json")
+    before = [(root / name).read_bytes() for name in names]
+    write_bop(root, "val", {4: objects[4]}, pictures(scene, 4, (3, 1), (5, 2)))
+    assert [(root / name).read_bytes() for name in names] == before
+    val = BopDataset(root, "val")
+    assert val.scenes() == [3, 5] and val.diameter(9) == pytest.approx(objects[9].diameter)
+    write_bop(root, "val", {7: brick}, pictures(scene, 7, (6, 1)))
+    assert BopDataset(root, "test").objects() == [4, 7, 9]
+    assert sorted(path.suffix for path in (root / "models").iterdir()) == [".json"] + 3 * [".ply"]
+
+
+def test_models_that_other_splits_use_are_not_replaced(
+    root: Path, scene: Any, objects: dict[int, Mesh]
+) -> None:
+    before = {path: path.read_bytes() for path in (root / "models").iterdir()}
+    for other in (objects[9], replace(objects[4], symmetries=Symmetries())):
+        with pytest.raises(InputError, match=r"obj_000004\.ply is there and holds"):
+            write_bop(root, "val", {2: objects[9], 4: other}, pictures(scene, 4, (3, 1)))
+    assert {path: path.read_bytes() for path in (root / "models").iterdir()} == before
+    assert not (root / "val").exists()
+
+
+def test_targets_of_other_scenes_stay(root: Path, scene: Any, objects: dict[int, Mesh]) -> None:
+    before = BopDataset(root, "test").targets()
+    write_bop(root, "test", objects, pictures(scene, 4, (8, 1)))
+    assert BopDataset(root, "test").targets() == [*before, BopTarget(8, 1, 4, 1)]
+    write_bop(root, "test", objects, pictures(scene, 4, (3, 2)))
+    expected = [BopTarget(8, 1, 4, 1), BopTarget(3, 2, 4, 1)]
+    assert BopDataset(root, "test").targets() == expected
+    with pytest.raises(InputError, match="lists the targets of the split 'test'; write 'test_b'"):
+        write_bop(root, "test_b", objects, pictures(scene, 4, (3, 1)))
+    assert BopDataset(root, "test").targets() == expected

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -224,6 +225,13 @@ def test_of_what_was_missed_only_the_last_error_is_told(
         if frame.index == len(errors):
             source.end.set()
     assert seen == expected
+
+
+@pytest.mark.parametrize("source", ["rtsp://user:secret@camera/1", Path("clip.mp4"), 0, None])
+def test_what_gives_no_frames_is_said(source: Any) -> None:
+    with pytest.raises(InputError, match=r"takes the frames that open_frames\(…\) gives") as caught:
+        LatestFrames(source)
+    assert "secret" not in str(caught.value)
 
 
 def test_giving_up_ends_the_reading() -> None:

@@ -97,9 +97,22 @@ def test_what_is_not_there_is_said(tmp_path: Path, make: object, words: str) -> 
         open_frames(make(tmp_path))  # type: ignore[operator]
 
 
-def test_a_camera_that_is_not_there_is_said() -> None:
+@pytest.mark.parametrize("index", ["97", 97, np.int64(97), np.array(97, np.uint8)])
+def test_a_camera_that_is_not_there_is_said(index: Any) -> None:
     with pytest.raises(InputError, match="camera 97 cannot be opened"):
-        open_frames("97")
+        open_frames(index)
+
+
+@pytest.mark.parametrize("index", [-1, np.int64(-1), 2**31])
+def test_an_index_that_no_camera_has_is_said(index: Any) -> None:
+    with pytest.raises(InputError, match="counts from 0, found"):
+        open_frames(index)
+
+
+@pytest.mark.parametrize("source", [None, 0.0, True, b"clip.mp4", ["a.jpg"]])
+def test_what_names_no_frames_is_said(source: Any) -> None:
+    with pytest.raises(InputError, match=r"Frames come from a folder .* or a camera index, found"):
+        open_frames(source)
 
 
 def test_a_folder_named_like_a_number_is_a_folder(

@@ -1,5 +1,8 @@
 """The camera against OpenCV, and the half-pixel rule."""
 
+from collections.abc import Callable
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -107,3 +110,64 @@ def test_whole_numbers_are_those_of_floats() -> None:
 def test_gradients_flow_through_projection() -> None:
     points = torch.tensor([[0.1, -0.2, 0.7]], dtype=torch.float64, requires_grad=True)
     assert torch.autograd.gradcheck(CAMERA.project, points)
+
+
+LENS = Camera(60, 61, 31, 23, 64, 48, [-0.1, 0.01, 0, 0])
+
+
+def test_points_and_pixels_may_be_arrays_and_lists() -> None:
+    for points in ([[0.1, 0.0, 0.5]], np.array([[0.1, 0, 0.5]], np.float32)):
+        expected = LENS.project(torch.tensor([[0.1, 0.0, 0.5]], dtype=torch.float64))
+        torch.testing.assert_close(LENS.project(points), expected, rtol=1e-6, atol=1e-5)
+    pixels, depth = [[40, 10], [3, 4]], np.array([0.5, 0.6])
+    expected = LENS.pinhole.unproject(torch.tensor(pixels), torch.from_numpy(depth))
+    torch.testing.assert_close(LENS.pinhole.unproject(np.array(pixels), depth), expected)
+    torch.testing.assert_close(LENS.pinhole.unproject(pixels, [0.5, 0.6]), expected)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: LENS.project([[0.0, 1.0]]), r"points must be \(\.\.\., 3\), found shape \(1, 2\)"),
+        (lambda: LENS.project("points"), "points must be numbers"),
+        (lambda: LENS.project([[0.0, 1.0, 2.0], [1.0]]), "points must be numbers"),
+        (lambda: LENS.pinhole.unproject([1.0]), r"pixels must be \(\.\.\., 2\)"),
+        (lambda: LENS.pinhole.unproject([[1, 2]], [1.0, 2.0]), "do not fit to pixels"),
+        (lambda: LENS.pinhole.unproject([[1, 2]], "far"), "depth must be numbers"),
+        (lambda: Camera.from_fov("wide", 640, 480), "field of view must be numbers"),
+    ],
+)
+def test_what_are_no_points_is_said(call: Callable[[], object], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        call()
+
+
+def test_images_of_every_layout_are_undistorted() -> None:
+    image = np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8)
+    expected = LENS.undistort(torch.from_numpy(image).permute(2, 0, 1))[0].permute(1, 2, 0).numpy()
+    assert np.abs(expected.astype(int) - image).max() > 50
+    for one in (image, torch.from_numpy(image), np.asfortranarray(image)):
+        found, pinhole = LENS.undistort(one)
+        assert type(found) is type(one) and found.dtype == one.dtype and pinhole.lens is None
+        np.testing.assert_array_equal(np.asarray(found), expected)
+    np.testing.assert_array_equal(LENS.undistort(image[..., 1])[0], expected[..., 1])
+    np.testing.assert_array_equal(LENS.undistort(image[..., :1])[0], expected[..., :1])
+    batch = np.moveaxis(image, -1, 0)[None, None].repeat(2, 0)
+    np.testing.assert_array_equal(LENS.undistort(batch)[0][1, 0], np.moveaxis(expected, -1, 0))
+    assert LENS.undistort(batch[:0])[0].shape == (0, 1, 3, 48, 64)
+
+
+@pytest.mark.parametrize("camera", [LENS, LENS.pinhole])
+@pytest.mark.parametrize(
+    ("image", "words"),
+    [
+        (torch.zeros(3, 24, 32), r"the camera is 64×48, .* found \(3, 24, 32\)"),
+        (np.zeros((64, 48, 3), np.uint8), r"found \(64, 48, 3\)"),
+        (torch.zeros(1, 48, 64, dtype=torch.bool), "found bool"),
+        (np.zeros((48, 64), np.int64), "found int64"),
+        ("frame.png", "found str"),
+    ],
+)
+def test_what_is_no_image_of_the_camera_is_said(camera: Camera, image: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        camera.undistort(image)

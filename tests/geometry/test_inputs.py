@@ -94,9 +94,19 @@ def test_a_pose_that_is_no_rotation_is_refused(rotation: torch.Tensor, words: st
 
 def test_a_pose_that_is_slightly_off_becomes_proper_and_others_stay() -> None:
     for given in (POSE, POSE.to(torch.float32)):
-        assert pose_of(given) is given and poses_of(given)[0] is given
+        for found in (pose_of(given), *poses_of(given)):
+            assert torch.equal(found.matrix, given.matrix.double())
     (found,) = poses_of(Pose(1.01 * POSE.rotation, POSE.translation))
     torch.testing.assert_close(found.matrix, POSE.matrix)
+
+
+def test_poses_become_plain_float64_numbers() -> None:
+    turning = Pose(POSE.rotation.clone().requires_grad_(), POSE.translation.float())
+    whole = Pose(torch.eye(3, dtype=torch.int64), torch.tensor([0, 0, 1]))
+    for given in (turning, whole, [whole], Pose.stack([whole]), [turning.matrix]):
+        (found,) = poses_of(given)
+        for values in (found.rotation, found.translation):
+            assert values.dtype == torch.float64 and not values.requires_grad
 
 
 def test_a_camera_is_no_file_and_no_matrix() -> None:

@@ -213,6 +213,43 @@ def test_half_turns_that_are_symmetries_are_left_out():
     assert left([x], (axis,)) == []
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"vertices": [[0, 0, 0], [1, 0]]}, "box: the vertices must be numbers"),
+        ({"vertices": [["a", "b", "c"]] * 8}, "box: the vertices must be numbers"),
+        ({"vertices": None}, r"box: vertices must be \(V, 3\)"),
+        ({"faces": [[0, 1, 2], [0, 1]]}, "box: the faces must be an array"),
+        ({"faces": [["a", "b", "c"]]}, "box: faces must be integers"),
+        ({"vertex_colors": [[0, 0, 0], [1, 0]]}, "box: the vertex colours must be an array"),
+        ({"uv": [["a", "b"]] * 8, "texture": np.zeros((2, 2, 3), np.uint8)}, "must be numbers"),
+        ({"uv": [[0, 0]] * 8, "texture": [[0], [1, 2]]}, "box: the texture must be an array"),
+        ({"symmetries": np.eye(4)}, "symmetries must be a Symmetries"),
+    ],
+)
+def test_what_are_no_arrays_is_said(change, words):
+    vertices, faces, *_ = meshes.box_arrays((0.1, 0.1, 0.05))
+    given = {"name": "box", "vertices": vertices, "faces": faces, **change}
+    with pytest.raises(InputError, match=words):
+        Mesh.from_arrays(**given)
+
+
+def test_tensors_make_a_mesh_too():
+    vertices, faces, *_ = meshes.box_arrays((0.1, 0.1, 0.05))
+    points = torch.tensor(np.asarray(vertices)).requires_grad_()
+    mesh = Mesh.from_arrays("box", points, torch.tensor(np.asarray(faces)))
+    assert mesh.diameter == pytest.approx(0.15)
+
+
+def test_a_generator_names_its_whole_group_as_in_a_file():
+    vertices, faces, *_ = meshes.box_arrays((0.1, 0.1, 0.05))
+    quarter = np.eye(4)
+    quarter[:2, :2] = [[0, -1], [1, 0]]
+    declared = Symmetries(quarter[None])
+    mesh = Mesh.from_arrays("box", vertices, faces, symmetries=declared)
+    assert len(mesh.motions) == 4 and mesh.symmetries is declared
+
+
 def test_meshes_are_equal_only_to_themselves():
     first, second = meshes.colored_box(), meshes.colored_box()
     assert first == first

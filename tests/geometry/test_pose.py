@@ -217,3 +217,62 @@ def test_how_far_an_object_stands_is_judged_by_its_middle() -> None:
         in_metres(Pose(seen.rotation, 1000 * seen.translation), "start.json", far)
     near = Pose.from_rvec([0, 0, 0], [0, 0, 0.5])
     assert in_metres(near, "start.json", far) is near, "whatever it is, it is not in millimetres"
+
+
+def test_points_of_every_kind_are_moved() -> None:
+    pose = Pose.from_rvec([0.1, -0.2, 0.3], [0.01, -0.02, 0.5])
+    points = torch.tensor([[0.1, 0.0, 0.5], [0.25, -0.5, 1.0]], dtype=torch.float64)
+    expected = pose.transform(points)
+    for values in (
+        points.tolist(),
+        points.numpy(),
+        points.float(),
+        points.numpy().astype(np.float32),
+    ):
+        found = pose.transform(values)
+        assert found.dtype == torch.float64
+        torch.testing.assert_close(found, expected, rtol=0, atol=1e-7)
+    torch.testing.assert_close(pose.transform(points[0]), expected[0])
+    both = Pose.stack([pose, pose]).transform(points[0])
+    torch.testing.assert_close(both, expected[:1].expand(2, 3))
+    moving = points.clone().requires_grad_()
+    assert pose.transform(moving).requires_grad
+    for wrong in ([[0.0, 1.0]], "points", [[0.0, 1.0, 2.0], [1.0]]):
+        with pytest.raises(InputError, match=r"Pose\.transform: .*points must be"):
+            pose.transform(wrong)  # type: ignore[arg-type]
+
+
+def test_another_shape_than_4x4_is_no_matrix() -> None:
+    for matrix in (np.eye(3), np.eye(4)[:3]):
+        for values in (matrix, matrix.tolist(), torch.from_numpy(matrix)):
+            with pytest.raises(InputError, match=r"found shape \(3, [34]\), not 4×4"):
+                Pose.from_matrix(values)
+
+
+def test_no_poses_are_an_empty_batch() -> None:
+    none = np.zeros((0, 3))
+    for pose in (
+        Pose.checked(np.zeros((0, 3, 3)), none),
+        Pose.from_matrix(np.zeros((0, 4, 4))),
+        Pose.from_matrix(torch.zeros(0, 4, 4)),
+        Pose.from_quaternion(np.zeros((0, 4)), none, "xyzw"),
+        Pose.from_rvec(none, none),
+    ):
+        assert pose.batch_shape == (0,)
+    with pytest.raises(InputError, match="no pose to stack"):
+        Pose.stack([])
+
+
+def test_whole_numbers_and_two_types_become_one_floating_type() -> None:
+    whole = Pose(torch.eye(3, dtype=torch.int64), torch.tensor([0, 0, 1]))
+    mixed = Pose(torch.eye(3), torch.zeros(3, dtype=torch.float64))
+    for pose in (whole, mixed):
+        assert pose.rotation.dtype == pose.translation.dtype == torch.float64
+        assert pose.transform([0.0, 0.0, 0.0]).shape == (3,)
+    both = Pose.identity() @ Pose.identity(dtype=torch.float32)
+    assert both.rotation.dtype == both.translation.dtype == torch.float64
+
+
+def test_a_pose_is_composed_with_poses_only() -> None:
+    with pytest.raises(InputError, match=r"found a Tensor; Pose\.from_matrix\(matrix\) makes one"):
+        Pose.identity() @ torch.eye(4)  # type: ignore[operator]

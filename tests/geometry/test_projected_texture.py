@@ -124,3 +124,63 @@ def test_out_of_the_picture_there_is_nothing_to_take() -> None:
     pose = Pose(TURN, torch.tensor([0.5, 0.0, 0.4], dtype=torch.float64))
     with pytest.raises(InputError, match="box: the camera sees too little"):
         plain.textured_from(np.zeros((256, 256, 3), np.uint8), pose, CAMERA)
+
+
+def test_a_lens_takes_its_colours_where_the_lens_shows_them() -> None:
+    camera = Camera(400, 400, 319.5, 239.5, 640, 480, [-0.25, 0.05, 0, 0])
+    assert camera.lens is not None
+    vertices, faces, *_ = meshes.box_arrays((0.1, 0.08, 0.06))
+    plain = Mesh.from_arrays("box", vertices, faces)
+    pose = Pose(TURN, torch.tensor([0.28, 0.18, 0.5], dtype=torch.float64))
+    y, x = np.mgrid[:480, :640].astype(np.float64)
+    pinhole = camera.lens.undistort(np.column_stack([x.ravel(), y.ravel()]), camera.matrix.numpy())
+
+    def scenery(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        waves = [128 + 100 * np.sin(wave) for wave in (x / 23, y / 31, (x + y) / 40)]
+        return np.stack(waves, -1).round().astype(np.uint8)
+
+    taken = scenery(*pinhole.T).reshape(480, 640, 3)
+    colours = []
+    for image, of in ((taken, camera), (scenery(x, y), camera.pinhole)):
+        mesh = plain.textured_from(image, pose, of)
+        assert mesh.uv is not None and mesh.texture is not None
+        height, width = mesh.texture.shape[:2]
+        places = (mesh.uv[mesh.faces].mean(1) * (width, -height) + (0, height)).astype(int)
+        colours.append(mesh.texture[places[:, 1], places[:, 0]].astype(float))
+    # Looked up in whole pixels; in pixels without the lens they were 45 apart.
+    assert np.abs(colours[0] - colours[1]).mean() < 8
+
+
+def test_where_the_lens_shows_nothing_there_is_nothing_to_take() -> None:
+    camera = Camera(300, 300, 127.5, 127.5, 256, 256, [-0.3, 0, 0, 0])  # folds at 46 degrees
+    vertices, faces, *_ = meshes.box_arrays()
+    plain = Mesh.from_arrays("box", vertices, faces)
+    pose = Pose(TURN, torch.tensor([0.9, 0.0, 0.5], dtype=torch.float64))
+    pixel = camera.project(pose.translation)
+    assert 0 < float(pixel[0]) < 256  # of a point that the lens does not show
+    with pytest.raises(InputError, match="box: the camera sees too little"):
+        plain.textured_from(np.full((256, 256, 3), 90, np.uint8), pose, camera)
+
+
+def test_what_is_behind_the_camera_hides_nothing() -> None:
+    size = np.array([0.1, 0.08, 0.4])  # reaches past the camera
+    vertices, faces, *_ = meshes.box_arrays(tuple(size))
+    plate = np.array(
+        [[-0.05, -0.05, 0.3], [0.05, -0.05, 0.3], [0.05, 0.05, 0.3], [-0.05, 0.05, 0.3]]
+    )
+    mesh = Mesh.from_arrays(
+        "plate and box",
+        np.concatenate([plate, np.asarray(vertices) - (0, 0, 0.3)]),
+        np.concatenate([[[0, 1, 2], [0, 2, 3]], np.asarray(faces) + 4]),
+    )
+    image = np.full((256, 256, 3), (200, 90, 30), np.uint8)
+    mesh.textured_from(image, Pose.identity(), CAMERA)
+
+
+def test_the_name_stays_as_it_is(painted: tuple[Mesh, Mesh, Pose]) -> None:
+    true, _, pose = painted
+    vertices, faces, *_ = meshes.box_arrays((0.1, 0.08, 0.06))
+    named = Mesh.from_arrays("drill.v2", vertices, faces)
+    assert (
+        named.name == named.textured_from(rendered(true, pose)[0], pose, CAMERA).name == "drill.v2"
+    )

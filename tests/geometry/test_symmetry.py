@@ -112,3 +112,37 @@ def test_a_complete_list_stays_as_it_is() -> None:
     half += [0.694388, -0.00779712, 0.0158338, 0.999844, -0.0792063, 0, 0, 0, 1]
     measured = Symmetries.from_bop({"symmetries_discrete": [half]})  # LM-O's egg box
     assert measured.closed() is measured
+
+
+@pytest.mark.parametrize(
+    ("axis", "offset", "words"),
+    [
+        ([0, 0, 2], [0, 0, 0], "the axis must have length 1, found 2"),
+        ([0, 0, 0], [0, 0, 0], "the axis must have length 1, found 0"),
+        ([0, 0, np.nan], [0, 0, 0], "the axis must be 3 finite numbers"),
+        ([0, 0, 1], [0, np.inf, 0], "the offset must be 3 finite numbers"),
+        ([0, 1], [0, 0, 0], "the axis must be 3 finite numbers"),
+        (None, [0, 0, 0], "the axis must be 3 finite numbers"),
+        (["z"], [0, 0, 0], "the axis must be numbers"),
+    ],
+)
+def test_what_is_no_axis_is_refused(axis, offset, words):
+    with pytest.raises(InputError, match=words):
+        ContinuousSymmetry(axis, offset)
+
+
+def test_an_axis_may_be_a_list_of_few_digits():
+    symmetry = ContinuousSymmetry([0.577, 0.577, 0.577], [0, 0, 0])
+    assert np.linalg.norm(symmetry.axis) == pytest.approx(1, abs=1e-12)
+    turn = symmetry.turn(1.0)[:3, :3]
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+
+
+def test_what_are_no_symmetries_is_refused():
+    axis = ContinuousSymmetry([0, 0, 1], [0, 0, 0])
+    assert Symmetries(continuous=[axis]).continuous == (axis,)
+    for wrong in (axis, [axis, [0, 0, 1]], None):
+        with pytest.raises(InputError, match="must be a list of ContinuousSymmetry"):
+            Symmetries(continuous=wrong)
+    with pytest.raises(InputError, match="discrete symmetries must be numbers"):
+        Symmetries([np.eye(4), np.eye(3)])

@@ -1,7 +1,9 @@
 """The network of the loop answers as the trained one does, whatever the batch."""
 
+import copy
 import gc
 import os
+import pickle
 from pathlib import Path
 
 import pytest
@@ -15,7 +17,7 @@ from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.correlation import CorrelationNet
 from moveit6d.networks.inference import TRACED, Compute, InferenceNetwork
 from moveit6d.networks.weights_file import load_network
-from moveit6d.policies import SHIPPED_WEIGHTS
+from moveit6d.policies import SHIPPED_WEIGHTS, load_policy
 from tests.support.observations import an_observation
 
 
@@ -82,6 +84,27 @@ def test_capabilities_that_torch_does_not_list_are_not_there(
     assert not inference.is_bfloat16_fast()
     monkeypatch.delattr(torch.cpu, "get_capabilities")  # as in older versions of torch
     assert not inference.is_bfloat16_fast()
+
+
+@pytest.mark.parametrize("compute", ["float32", "bfloat16"])
+def test_a_network_that_has_run_can_be_pickled_and_copied(compute: Compute) -> None:
+    torch.manual_seed(0)
+    observation = an_observation(1)
+    network = InferenceNetwork(CompactCorrelationNet().eval(), compute)
+    expected = network(observation)
+    for other in (pickle.loads(pickle.dumps(network)), copy.deepcopy(network)):
+        found = other(observation)
+        assert other.is_bfloat16 == network.is_bfloat16
+        torch.testing.assert_close(found.logits, expected.logits)
+        torch.testing.assert_close(found.delta, expected.delta)
+
+
+@pytest.mark.parametrize("compute", ["fp16", None])
+def test_numbers_that_there_are_not_are_said(compute: Compute) -> None:
+    with pytest.raises(InputError, match="must be one of 'auto', 'float32', 'bfloat16'"):
+        InferenceNetwork(ActionNet(), compute)
+    with pytest.raises(InputError, match="must be one of 'auto', 'float32', 'bfloat16'"):
+        load_policy(compute=compute)
 
 
 def test_a_device_that_is_not_there_is_said() -> None:

@@ -126,6 +126,59 @@ def test_a_path_may_be_text(tmp_path: Path) -> None:
     assert len(frames_of(Path(path))) == 1
 
 
+def test_frames_are_written_inside_of_the_block_only(tmp_path: Path) -> None:
+    path = tmp_path / "overlay.mp4"
+    with VideoWriter(path) as movie:
+        movie.write(frame(10))
+    good = path.read_bytes()
+    for writer in (movie, VideoWriter(path)):
+        with pytest.raises(InputError, match="inside of `with VideoWriter"):
+            writer.write(frame(10))
+    assert path.read_bytes() == good and list(tmp_path.iterdir()) == [path]
+
+
+def test_each_block_of_one_writer_is_a_video(tmp_path: Path) -> None:
+    movie = VideoWriter(tmp_path / "overlay.mp4")
+    for count in (1, 3):
+        with movie:
+            for _ in range(count):
+                movie.write(frame(10))
+        assert len(frames_of(movie.path)) == count
+    with movie:
+        movie.write(frame(10))
+        with pytest.raises(InputError, match="is being written already"), movie:
+            pass
+    assert len(frames_of(movie.path)) == 1
+
+
+@pytest.mark.parametrize(("fps", "expected"), [
+    (np.float32(10), 10), ("30", 30), (float("nan"), 25), (0, 25), (1e-9, 25),
+    (30000 / 1001, 29.97),
+])  # fmt: skip
+def test_a_rate_of_any_kind_of_number(tmp_path: Path, fps: Any, expected: float) -> None:
+    with VideoWriter(tmp_path / "a.mp4", fps) as movie:
+        movie.write(frame(0))
+    with av.open(str(movie.path)) as container:
+        assert float(container.streams.video[0].average_rate) == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("fps", ["fast", [25]])
+def test_a_rate_that_is_no_number_is_said(tmp_path: Path, fps: Any) -> None:
+    with pytest.raises(InputError, match="fps must be a number"):
+        VideoWriter(tmp_path / "a.mp4", fps)
+
+
+def test_a_codec_that_is_not_there_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(video, "CODECS", ("none such",))
+    monkeypatch.setattr(video, "QUALITY", {"none such": {}})
+    with (
+        pytest.raises(InputError, match=r"a\.mp4 cannot be written: none such"),
+        VideoWriter(tmp_path / "a.mp4") as movie,
+    ):
+        movie.write(frame(0))
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_place_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with (

@@ -14,20 +14,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import InputError
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
-from ..io import replacing, write_json
+from ..io import read_json, read_json_list, replacing, write_json
 from .bop import TARGETS, Instance
+from .bop_layout import scene_folders
 from .mesh_writers import write_ply
 from .video import Image
-from .writer_checks import check_no_lens
+from .writer_checks import check_no_lens, write_shared_mesh
 
 LEAST_VISIBLE = 0.1  # instances that are seen less are no targets (enumerate_test_targets.py)
 DEPTH_SCALES = (0.1, 1.0)  # a step of a depth image in millimetres: the first that reaches, or last
 MOST_STEPS = 65535
+TESTED = "test"  # how the names of those splits begin that BOP's targets are of: test_primesense
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BopImage:
     """One image of a scene: RGB (H, W, 3), its camera and true poses, depth (H, W) in metres.
 
@@ -45,13 +48,19 @@ class BopImage:
 def write_bop(
     root: str | Path, split: str, objects: Mapping[int, Mesh], images: Iterable[BopImage]
 ) -> Path:
-    """Write models (PLY, models_info.json), a split and test_targets_bop19.json; returns `root`.
+    """Write models (PLY, models_info.json), a split and its targets; returns `root`.
 
     Scenes are written one after the other as they come; `scene_gt_info.json` holds `visib_fract`
-    and, of instances that have a box, `bbox_visib`: the rest belongs to masks. `InputError` for a
-    camera with a lens, which `cam_K` cannot hold.
+    and, of instances that have a box, `bbox_visib`: the rest belongs to masks.
+
+    Models that are there stay, as do other splits and the targets of scenes that are not written.
+    `test_targets_bop19.json` names scenes of a test split only; of any other split all that is
+    visible is to be found. `InputError` for a camera with a lens, which `cam_K` cannot hold, for
+    another mesh than the one that is there and for a second test split beside those targets.
     """
     root = Path(root)
+    if split.startswith(TESTED):
+        _check_targets(root, split)
     write_models(root / "models", objects)
     counts: dict[tuple[int, int, int], int] = {}
     scenes: dict[int, dict[str, dict[str, Any]]] = {}
@@ -65,28 +74,67 @@ def write_bop(
     for scene, kept in scenes.items():
         for name, content in kept.items():
             write_json(root / split / f"{scene:06d}" / f"scene_{name}.json", content)
-    targets = [
-        {"im_id": image, "inst_count": count, "obj_id": number, "scene_id": scene}
-        for (scene, image, number), count in sorted(counts.items())
-    ]
-    with replacing(root / TARGETS) as temporary:
-        temporary.write_text(json.dumps(targets) + "\n", encoding="utf-8")
+    if split.startswith(TESTED):
+        _write_targets(root / TARGETS, counts, scenes)
     return root
 
 
 def write_models(folder: str | Path, objects: Mapping[int, Mesh]) -> None:
-    """PLY files in millimetres and models_info.json with diameters, boxes and symmetries."""
+    """PLY files in millimetres and models_info.json with diameters, boxes and symmetries.
+
+    What is there stays; `InputError`, before anything is written, for an object that is there with
+    another mesh or other symmetries.
+    """
     folder = Path(folder)
-    infos = {}
+    paths = {number: folder / f"obj_{number:06d}.ply" for number in objects}
+    there = {number for number, path in paths.items() if path.is_file()}
+    for number in there:
+        write_shared_mesh(paths[number], objects[number], write_ply, "mm")
+    known = folder / "models_info.json"
+    infos = read_json(known) if known.is_file() else {}
     for number, mesh in objects.items():
-        write_ply(folder / f"obj_{number:06d}.ply", mesh, "mm")
-        points = 1000 * (mesh.vertices.astype(np.float64) + mesh.center)
-        low, size = points.min(0).tolist(), np.ptp(points, axis=0).tolist()
-        info: dict[str, Any] = {"diameter": 1000 * mesh.diameter}
-        info |= {f"min_{axis}": low[k] for k, axis in enumerate("xyz")}
-        info |= {f"size_{axis}": size[k] for k, axis in enumerate("xyz")}
-        infos[str(number)] = info | mesh.symmetries.to_bop()
-    write_json(folder / "models_info.json", infos)
+        if number not in there:  # without a file of symmetries: BOP keeps them in models_info.json
+            write_ply(paths[number], mesh, "mm")
+        if number not in there or str(number) not in infos:
+            infos[str(number)] = _info(mesh)
+    write_json(known, infos)
+
+
+def _info(mesh: Mesh) -> dict[str, Any]:
+    """The entry of models_info.json: millimetres."""
+    points = 1000 * (mesh.vertices.astype(np.float64) + mesh.center)
+    low, size = points.min(0).tolist(), np.ptp(points, axis=0).tolist()
+    info: dict[str, Any] = {"diameter": 1000 * mesh.diameter}
+    info |= {f"min_{axis}": low[k] for k, axis in enumerate("xyz")}
+    info |= {f"size_{axis}": size[k] for k, axis in enumerate("xyz")}
+    return info | mesh.symmetries.to_bop()
+
+
+def _check_targets(root: Path, split: str) -> None:
+    """`InputError` where the targets that are there are those of another split."""
+    if not (root / TARGETS).is_file():
+        return
+    others = (path for path in sorted(root.glob(f"{TESTED}*")) if path.is_dir())
+    for other in others:
+        if other.name != split and scene_folders(other):
+            raise InputError(
+                f"{root / TARGETS} lists the targets of the split {other.name!r}; write {split!r} "
+                "into a folder of its own."
+            )
+
+
+def _write_targets(
+    path: Path, counts: Mapping[tuple[int, int, int], int], scenes: Mapping[int, Any]
+) -> None:
+    """What is visible in the scenes written; the targets of other scenes stay."""
+    targets = [
+        {"im_id": image, "inst_count": count, "obj_id": number, "scene_id": scene}
+        for (scene, image, number), count in sorted(counts.items())
+    ]
+    old = read_json_list(path) if path.is_file() else []
+    kept = [one for one in old if isinstance(one, dict) and one.get("scene_id") not in scenes]
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(kept + targets) + "\n", encoding="utf-8")
 
 
 def _add(folder: Path, one: BopImage, kept: dict[str, dict[str, Any]]) -> None:

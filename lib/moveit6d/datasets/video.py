@@ -6,6 +6,7 @@ was wrong.
 
 from __future__ import annotations
 
+import operator
 import queue
 import re
 import threading
@@ -13,13 +14,15 @@ import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, SupportsIndex
 from urllib.parse import unquote, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import shown
 from ..errors import InputError
 from .image_depth import BitDepth, deep_rgb, is_deep, to_rgb8
 from .image_names import fits, in_order, is_pattern, series
@@ -35,6 +38,7 @@ LOOKED_AT = 8  # images from which the bits of all are told
 UNSPECIFIED = 2  # AVCOL_SPC_UNSPECIFIED
 HD_LINES = 720  # smaller video without a tag is BT.601, which ffmpeg assumes
 AHEAD = 3  # frames that are read while another is worked on
+LARGEST_CAMERA = 2**31 - 1  # OpenCV's indices are C's int
 
 Image = NDArray[np.uint8]
 
@@ -71,7 +75,7 @@ def is_live(frames: FrameSource) -> bool:
     return bool(getattr(frames, "live", False))
 
 
-def open_frames(source: str | Path | int) -> FrameSource:
+def open_frames(source: str | PathLike[str] | SupportsIndex) -> FrameSource:
     """The frames of a folder, a video file, an address (rtsp://…), or the camera with that index.
 
     Images of a folder come in the order of their names, numbers in names compared as numbers
@@ -81,8 +85,8 @@ def open_frames(source: str | Path | int) -> FrameSource:
     depth) without a pattern. Every frame comes, also of live sources, however late: who would
     rather have the newest one takes `LatestFrames(open_frames(…))`.
     """
-    if isinstance(source, int):
-        return LiveCamera(source)
+    if not isinstance(source, str | PathLike):
+        return LiveCamera(_camera_index(source))
     if isinstance(source, str) and "://" in source:
         from .live import NetworkVideo, is_address
 
@@ -108,6 +112,19 @@ def open_frames(source: str | Path | int) -> FrameSource:
     raise InputError(
         f"{str(path)[:200]} does not exist: give a folder of images, a video, an address "
         "(rtsp://…, http://…) or a camera index."
+    )
+
+
+def _camera_index(source: Any) -> int:
+    """A whole number of any kind; `InputError` for what is neither that nor a name."""
+    try:
+        if not isinstance(source, bool | np.bool_):
+            return operator.index(source)
+    except TypeError:
+        pass
+    raise InputError(
+        "Frames come from a folder of images, a video, an address (rtsp://…, http://…) or a camera "
+        f"index, found {shown(source)}."
     )
 
 
@@ -259,9 +276,17 @@ class ImageFolder(ImageList):
 
 
 class ReadBeside:
-    """A source whose frames are read in another thread; its length and pace stay."""
+    """A source whose frames are read in another thread; its length and pace stay.
+
+    `InputError` for what is no `FrameSource`, as the name of a video.
+    """
 
     def __init__(self, source: FrameSource) -> None:
+        if not all(hasattr(source, name) for name in ("__iter__", "length", "fps")):
+            raise InputError(
+                f"{type(self).__name__} takes the frames that open_frames(…) gives, found a "
+                f"{type(source).__name__}."
+            )
         self.source = source
 
     @property
@@ -320,7 +345,10 @@ class Prefetched(ReadBeside):
 
 
 class LiveCamera:
-    """The frames of the camera with an index, until it is gone or the user stops."""
+    """The frames of the camera with an index, until it is gone or the user stops.
+
+    `InputError` where there is no such camera.
+    """
 
     length: int | None = None
     live = True
@@ -328,6 +356,8 @@ class LiveCamera:
     def __init__(self, index: int) -> None:
         import cv2
 
+        if not 0 <= index <= LARGEST_CAMERA:  # OpenCV crashes
+            raise InputError(f"The index of a camera counts from 0, found {index}.")
         self.index = index
         self._device = cv2.VideoCapture(index)
         if not self._device.isOpened():

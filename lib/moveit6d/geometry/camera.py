@@ -10,17 +10,22 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
 from kornia.geometry.camera import project_points, unproject_points
+from numpy.typing import NDArray
 from torch import Tensor
 
 from ..errors import InputError
+from ..typing import Numbers
 from .lens import DistortionModel, Lens, checked_lens, checked_picture
+from .numbers import floating, vectors
 
 LARGEST = 100_000  # pixels a side
+RESAMPLED = (np.uint8, np.uint16, np.float32, np.float64)  # pixels that OpenCV interpolates
+Picture = TypeVar("Picture", Tensor, NDArray[Any])
 
 
 @dataclass(frozen=True)
@@ -128,6 +133,8 @@ class Camera:
         >>> round(Camera.from_fov(90, 640, 480).fx)
         320
         """
+        degrees = _number(degrees, "the field of view")
+        width, height = _whole(width, "width"), _whole(height, "height")
         if not 1 <= degrees <= 170:
             raise InputError(
                 f"Camera: the field of view is {degrees} degrees; a pinhole has 1 to 170."
@@ -155,17 +162,17 @@ class Camera:
         rows = [[self.fx, self.skew, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]]
         return torch.tensor(rows, dtype=torch.float64)
 
-    def project(self, points: Tensor) -> Tensor:
+    def project(self, points: Numbers) -> Tensor:
         """Pixels of points in the camera's frame, through the lens: (..., 3) metres → (..., 2).
 
-        Points on the camera's plane (z = 0) have no pixel and give NaN. Whole numbers count as
-        float64.
+        Points on the camera's plane (z = 0) have no pixel and give NaN. Whole numbers, arrays and
+        lists count as float64; `InputError` for what are no points.
 
         >>> import torch
         >>> Camera(600, 600, 320, 240, 640, 480).project(torch.tensor([0.1, 0.0, 0.5]))
         tensor([440., 240.])
         """
-        points = _floating(points)
+        points = vectors(points, 3, "Camera.project", "points")
         flat = points.reshape(-1, 3)
         plane = flat[:, :2] / flat[:, 2:]
         if self.lens is not None:
@@ -177,11 +184,12 @@ class Camera:
         pixels = pixels.where(flat[:, 2:] != 0, torch.nan)
         return pixels.reshape(*points.shape[:-1], 2)
 
-    def unproject(self, pixels: Tensor, depth: Tensor | float = 1.0) -> Tensor:
+    def unproject(self, pixels: Numbers, depth: Numbers | float = 1.0) -> Tensor:
         """Points in the camera's frame behind pixels (..., 2) at a depth z: (..., 3) metres.
 
-        `depth` (...) is a number or broadcasts against the pixels; whole pixels count as float64.
-        Of a pinhole camera: undo the lens first (`undistort`), or it is an `InputError`.
+        `depth` (...) is a number or broadcasts against the pixels; whole pixels, arrays and lists
+        count as float64. `InputError` for what are no pixels, and of a camera with a lens: undo
+        that first (`undistort`).
 
         >>> import torch
         >>> Camera(600, 600, 320, 240, 640, 480).unproject(torch.tensor([440.0, 240.0]), 0.5)
@@ -189,9 +197,16 @@ class Camera:
         """
         if self.lens is not None:
             raise InputError("Camera.unproject: undo the lens first, with Camera.undistort.")
-        pixels = _floating(pixels)
+        pixels = vectors(pixels, 2, "Camera.unproject", "pixels")
         flat = pixels.reshape(-1, 2)
-        z = torch.as_tensor(depth).to(pixels).expand(pixels.shape[:-1]).reshape(-1, 1)
+        z = floating(depth, "Camera.unproject", "depth").to(pixels)
+        try:
+            z = z.expand(pixels.shape[:-1]).reshape(-1, 1)
+        except RuntimeError:
+            raise InputError(
+                f"Camera.unproject: depths of shape {tuple(z.shape)} do not fit to pixels of shape "
+                f"{tuple(pixels.shape)}; give one a pixel, or a single one."
+            ) from None
         matrix = self.matrix.to(pixels).expand(len(flat), 3, 3)
         points: Tensor = unproject_points(flat, z, matrix)
         x, y, forward = points.unbind(-1)
@@ -216,24 +231,51 @@ class Camera:
         """The camera of the window whose top-left pixel is (x, y)."""
         return replace(self, cx=self.cx - x, cy=self.cy - y, width=width, height=height)
 
-    def undistort(self, image: Tensor) -> tuple[Tensor, Camera]:
-        """Undo the lens: (..., C, H, W) image as this camera would see it without distortion.
+    def undistort(self, image: Picture) -> tuple[Picture, Camera]:
+        """Undo the lens: the image as this camera would see it without distortion.
 
-        Returns the image (the same one if there is no distortion) and the pinhole camera. The map
-        is kept for the next image of this camera.
+        A tensor or array (..., C, H, W), (H, W, C) or (H, W), uint8, uint16 or floating point,
+        comes back as one of the same shape and type (the same one if there is no distortion), with
+        the pinhole camera. The map is kept for the next image of this camera. `InputError` for what
+        is no image of the camera's size.
         """
+        given = image.detach().cpu().numpy() if isinstance(image, Tensor) else image
+        pixels = self._channels_last(given)
         lens = self.lens
         if lens is None:
             return image, self.pinhole
         import cv2
 
         maps = lens.undistortion_maps(self.matrix.numpy(), self.width, self.height)
-        undone = []
-        for one in image.reshape(-1, *image.shape[-3:]):
-            pixels = np.ascontiguousarray(one.detach().permute(1, 2, 0).numpy())
-            flat = cv2.remap(pixels, *maps, cv2.INTER_LINEAR)
-            undone.append(torch.from_numpy(flat.reshape(pixels.shape)).permute(2, 0, 1))
-        return torch.stack(undone).reshape(image.shape).contiguous(), self.pinhole
+        flat = np.empty(pixels.shape, pixels.dtype)
+        for one, undone in zip(pixels, flat, strict=True):
+            undone[:] = cv2.remap(np.ascontiguousarray(one), *maps, cv2.INTER_LINEAR).reshape(
+                undone.shape
+            )
+        is_first = given.shape[-2:] == (self.height, self.width)
+        flat = (np.moveaxis(flat, -1, 1) if is_first else flat).reshape(given.shape)
+        found = np.ascontiguousarray(flat)
+        return (torch.from_numpy(found) if isinstance(image, Tensor) else found), self.pinhole
+
+    def _channels_last(self, image: Any) -> NDArray[Any]:
+        """Images of this camera as (B, H, W, C)."""
+        if not isinstance(image, np.ndarray) or image.dtype not in RESAMPLED:
+            found = image.dtype if isinstance(image, np.ndarray) else type(image).__name__
+            raise InputError(
+                "Camera.undistort: an image is an array or tensor of uint8, uint16 or floating "
+                f"point numbers, found {found}."
+            )
+        shape, size = image.shape, (self.height, self.width)
+        if shape[-2:] == size:
+            channels = shape[-3] if len(shape) > 2 else 1
+            return np.moveaxis(image.reshape(math.prod(shape[:-3]), channels, *size), 1, -1)
+        if len(shape) == 3 and shape[:2] == size:
+            return image[None]
+        raise InputError(
+            f"Camera.undistort: the camera is {self.width}×{self.height}, so that an image is "
+            f"(..., C, {self.height}, {self.width}) or ({self.height}, {self.width}, C); found "
+            f"{shape}."
+        )
 
 
 def project(points: Tensor, intrinsics: Tensor) -> Tensor:
@@ -249,11 +291,6 @@ def project(points: Tensor, intrinsics: Tensor) -> Tensor:
     plane = points[..., :2] / points[..., 2:]
     sheared = torch.cat([skew * plane[..., 1:], torch.zeros_like(plane[..., 1:])], -1)
     return plane * focal + sheared + centre
-
-
-def _floating(values: Tensor) -> Tensor:
-    """Whole numbers as float64: intrinsics and depths rounded to integers would be wrong."""
-    return values if values.is_floating_point() else values.to(torch.float64)
 
 
 def _array(values: Any, what: str) -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -36,7 +36,8 @@ def camera_of(camera: Any) -> Camera:
 def poses_of(poses: Any, name: str = "Start pose") -> list[Pose]:
     """One pose or several as a list: `Pose`, 4×4 matrices of any kind of array, lists of both.
 
-    `InputError` for what is no pose: a rotation is checked as `Pose.checked` does.
+    They are float64 on the CPU and have no gradient, whatever the given ones are. `InputError` for
+    what is no pose: a rotation is checked as `Pose.checked` does.
     """
     if isinstance(poses, Pose):
         poses = _proper(poses, name)
@@ -62,11 +63,12 @@ def pose_of(pose: Any, name: str = "Start pose") -> Pose:
 
 
 def _proper(pose: Pose, name: str) -> Pose:
-    """The pose itself, with the nearest rotation where its own is slightly off."""
+    """The pose in float64, with the nearest rotation where its own is slightly off."""
     checked = Pose.checked(pose.rotation, pose.translation, name)
+    plain = pose.detach().to(torch.device("cpu")).to(torch.float64)
     # One that is right stays as it is to the last digit: results do not depend on who made it.
-    off = (checked.rotation - pose.rotation.detach().to("cpu", torch.float64)).abs().max()
-    return pose if off < ROUNDING else checked
+    near = torch.allclose(checked.rotation, plain.rotation, rtol=0, atol=ROUNDING)
+    return plain if near else checked
 
 
 def is_list(value: Any) -> bool:
@@ -82,7 +84,7 @@ def _shape(value: Any) -> tuple[int, ...]:
         return ()
     try:
         return np.asarray(value, np.float64).shape
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RuntimeError):  # the last of tensors that require a gradient
         return ()
 
 

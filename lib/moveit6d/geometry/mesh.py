@@ -9,7 +9,7 @@ import itertools
 import logging
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -19,15 +19,18 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from ..checks import shown
 from ..config import TextureConfig
 from ..errors import InputError
 from ..typing import ImageLike
 from .camera import Camera
 from .half_turn import half_turns
 from .hull import convex_hull
+from .inputs import instance_of
 from .mesh_files import read_mesh_file
 from .mesh_files.join import PLAIN, Surface
 from .normals import smooth_normals
+from .numbers import float64_of
 from .pose import Pose
 from .symmetry import SAME_TURN, Symmetries
 from .symmetry_file import symmetries_beside
@@ -89,8 +92,11 @@ class Mesh:
 
     @staticmethod
     def from_surface(name: str, surface: Surface, unit: Unit, symmetries: Symmetries) -> Mesh:
-        """From what a mesh file holds; see `from_arrays`."""
-        return Mesh.from_arrays(
+        """From what a mesh file holds, under the file's name without folder and suffix.
+
+        See `from_arrays`.
+        """
+        mesh = Mesh.from_arrays(
             name,
             surface.vertices,
             surface.faces,
@@ -100,6 +106,7 @@ class Mesh:
             unit=unit,
             symmetries=symmetries,
         )
+        return replace(mesh, name=Path(name).stem)
 
     @staticmethod
     def from_arrays(
@@ -126,6 +133,9 @@ class Mesh:
         """
         if unit not in METRES:
             raise InputError(f"{name}: the unit is {unit!r}, must be one of {', '.join(METRES)}.")
+        remedy = "Symmetries(discrete) makes one of motions (S, 4, 4)"
+        known = Symmetries() if symmetries is None else symmetries
+        known = instance_of(known, Symmetries, "object's symmetries", remedy)
         points, triangles = _checked(name, vertices, faces)
         used, triangles = _used(triangles, len(points))
         points = points[used] * METRES[unit]
@@ -134,7 +144,7 @@ class Mesh:
         _check_size(name, diameter, unit)
         normals, corner_normals = smooth_normals(points, triangles)
         return Mesh(
-            name=Path(name).stem,
+            name=str(name),
             vertices=np.ascontiguousarray(points - center, np.float32),
             faces=np.ascontiguousarray(triangles, np.int32),
             normals=normals.astype(np.float32),
@@ -145,7 +155,7 @@ class Mesh:
             uv=uv,
             texture=texture,
             vertex_colors=colors,
-            symmetries=symmetries or Symmetries(),
+            symmetries=known,
         )
 
     def inner(self, pose: Pose) -> Pose:
@@ -158,8 +168,11 @@ class Mesh:
 
     @cached_property
     def motions(self) -> NDArray[np.float64]:
-        """Motions (S, 4, 4) of the centred frame that leave its looks unchanged, identity first."""
-        return self.symmetries.centred(self.center)
+        """Motions (S, 4, 4) of the centred frame that leave its looks unchanged, identity first.
+
+        With all products of those declared, wherever they were: `Symmetries.closed`.
+        """
+        return self.symmetries.closed().centred(self.center)
 
     @cached_property
     def half_turns(self) -> NDArray[np.float64]:
@@ -185,9 +198,11 @@ class Mesh:
     ) -> Mesh:
         """This mesh painted with what an image shows of it, for a mesh without colours.
 
-        `image` (H, W, 3) is RGB without lens distortion, uint8 or floating point in [0, 1], `pose`
-        object → camera in the mesh file's frame, metres. The sides that are not seen take the mean
-        colour. Raises `InputError` if the image does not fit the camera or too little is seen.
+        `image` (H, W, 3) is RGB, uint8 or floating point in [0, 1], as the camera took it: of a
+        camera with a lens through that lens, of an undistorted image (`Camera.undistort`) it is
+        the pinhole camera. `pose` is object → camera in the mesh file's frame, metres. The sides
+        that are not seen take the mean colour. Raises `InputError` if the image does not fit the
+        camera or too little is seen.
         """
         from .projected_texture import paint
 
@@ -270,7 +285,7 @@ def _sphere_of_few(
 
 
 def _checked(name: str, vertices: Any, faces: Any) -> tuple[NDArray[Any], NDArray[Any]]:
-    points, triangles = np.asarray(vertices, np.float64), np.asarray(faces)
+    points, triangles = float64_of(vertices, name, "vertices").numpy(), _array(name, faces, "faces")
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"{name}: vertices must be (V, 3), found {points.shape}.")
     if triangles.size == 0:
@@ -297,6 +312,14 @@ def _checked(name: str, vertices: Any, faces: Any) -> tuple[NDArray[Any], NDArra
     return points, triangles
 
 
+def _array(name: str, values: Any, what: str) -> NDArray[Any]:
+    """An array of whatever holds numbers; its type is the caller's to check."""
+    try:
+        return np.asarray(values.detach().cpu() if isinstance(values, Tensor) else values)
+    except (TypeError, ValueError):  # rows of different lengths
+        raise InputError(f"{name}: the {what} must be an array, found {shown(values)}.") from None
+
+
 def _used(faces: NDArray[Any], count: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """The vertices that faces use, and the faces renumbered to them."""
     used = np.zeros(count, bool)
@@ -314,7 +337,8 @@ def _appearance(
         return None, None, plain if colors is None else _colors(name, colors, used)
     if colors is not None:
         raise InputError(f"{name}: give a texture or vertex colours, not both.")
-    texture, uv = np.asarray(texture), np.asarray(uv, np.float32)
+    texture = _array(name, texture, "texture")
+    uv = float64_of(uv, name, "texture coordinates").numpy().astype(np.float32)
     if texture.ndim != 3 or texture.shape[2] != 3 or texture.dtype != np.uint8 or not texture.size:
         raise InputError(f"{name}: the texture must be (H, W, 3) uint8, found {texture.shape}.")
     if uv.ndim != 2 or uv.shape[1] != 2 or len(uv) <= used[-1] or not np.isfinite(uv[used]).all():
@@ -323,7 +347,7 @@ def _appearance(
 
 
 def _colors(name: str, colors: Any, used: NDArray[Any]) -> NDArray[np.uint8]:
-    values = np.asarray(colors)
+    values = _array(name, colors, "vertex colours")
     if values.ndim != 2 or values.shape[1] != 3 or len(values) <= used[-1]:
         raise InputError(f"{name}: vertex colours must be (V, 3), found {values.shape}.")
     if values.dtype != np.uint8:

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from ..checks import shown
 from ..errors import InputError
 from ..io import read_text, write_json
+from ..typing import Numbers
+from .numbers import float64_of, floating, vectors
 from .rotation import exp_so3, from_quaternion, log_so3, nearest_rotation, to_quaternion
 
 LOG = logging.getLogger("moveit6d")
@@ -35,7 +35,8 @@ class Pose:
     """Object → camera, OpenCV axes (x right, y down, z forward), metres: X_cam = R X_obj + t.
 
     `rotation` (..., 3, 3) and `translation` (..., 3) share their leading (batch) shape. Values are
-    taken as they are, so that gradients flow; for numbers from outside use `Pose.checked`. Two
+    taken as they are, so that gradients flow, and whole numbers become float64; for numbers from
+    outside use `Pose.checked`. Two
     poses are equal only if they are the same object: whether numbers are near is the caller's to
     say.
     """
@@ -45,8 +46,11 @@ class Pose:
 
     def __post_init__(self) -> None:
         for name in ("rotation", "translation"):
-            if not isinstance(getattr(self, name), Tensor):
-                object.__setattr__(self, name, _numbers(getattr(self, name), "Pose", name))
+            object.__setattr__(self, name, floating(getattr(self, name), "Pose", name))
+        if self.rotation.dtype != self.translation.dtype:
+            kind = torch.promote_types(self.rotation.dtype, self.translation.dtype)
+            object.__setattr__(self, "rotation", self.rotation.to(kind))
+            object.__setattr__(self, "translation", self.translation.to(kind))
         shape = self.translation.shape[:-1]
         if self.rotation.shape != (*shape, 3, 3) or self.translation.shape[-1:] != (3,):
             raise InputError(
@@ -65,9 +69,10 @@ class Pose:
         """From homogeneous matrices (..., 4, 4).
 
         A tensor is taken as it is, so that gradients flow; an array or nested lists are checked as
-        `checked` does, and become float64.
+        `checked` does, and become float64. `InputError` for another shape.
         """
         if isinstance(matrix, Tensor):
+            _check_shape(matrix, "Pose.from_matrix")
             return Pose(matrix[..., :3, :3], matrix[..., :3, 3])
         return _of_matrix(matrix, "Pose.from_matrix")
 
@@ -82,7 +87,7 @@ class Pose:
         Pose(translation=[0.0000, 0.0000, 0.5000] m, rotation=[0.00, 0.00, 0.00] deg)
         """
         _check_order(order, "Pose.from_quaternion")
-        q = _numbers(quaternion, "Pose.from_quaternion", "quaternion")
+        q = float64_of(quaternion, "Pose.from_quaternion", "quaternion")
         if q.shape[-1:] == (1,) and q.shape[-2:-1] == (4,):
             q = q[..., 0]
         if q.shape[-1:] != (4,) or not torch.isfinite(q).all():
@@ -90,11 +95,11 @@ class Pose:
                 "Pose.from_quaternion: a quaternion has 4 finite numbers, found shape "
                 f"{tuple(q.shape)}."
             )
-        off = (q.norm(dim=-1) - 1).abs().amax()
+        off = _largest(q.norm(dim=-1) - 1)
         if off > ORTHONORMAL_TOLERANCE:
             raise InputError(
                 f"Pose.from_quaternion: a quaternion must have length 1, this one is off by "
-                f"{off.item():.3g}."
+                f"{off:.3g}."
             )
         wxyz = q.roll(1, -1) if order == "xyzw" else q
         rotation = from_quaternion(torch.nn.functional.normalize(wxyz, dim=-1))
@@ -106,17 +111,17 @@ class Pose:
 
         (..., 3), or (3, 1) and (1, 3); radians and metres.
         """
-        vectors = []
+        both = []
         for name, values in (("rvec", rvec), ("tvec", tvec)):
-            numbers = _numbers(values, "Pose.from_rvec", name)
+            numbers = float64_of(values, "Pose.from_rvec", name)
             numbers = numbers.reshape(3) if numbers.shape in ((3, 1), (1, 3)) else numbers
             if numbers.shape[-1:] != (3,) or not torch.isfinite(numbers).all():
                 raise InputError(
                     f"Pose.from_rvec: {name} must be 3 finite numbers, found shape "
                     f"{tuple(numbers.shape)}."
                 )
-            vectors.append(numbers)
-        return Pose.checked(exp_so3(vectors[0]), vectors[1], "Pose.from_rvec")
+            both.append(numbers)
+        return Pose.checked(exp_so3(both[0]), both[1], "Pose.from_rvec")
 
     @staticmethod
     def load(path: str | Path) -> Pose:
@@ -145,7 +150,9 @@ class Pose:
 
     @staticmethod
     def stack(poses: Sequence[Pose]) -> Pose:
-        """Poses of one shape as one batch, with a new first axis."""
+        """Poses of one shape as one batch, with a new first axis; `InputError` for none."""
+        if not poses:
+            raise InputError("Pose.stack: there is no pose to stack.")
         return Pose(
             torch.stack([pose.rotation for pose in poses]),
             torch.stack([pose.translation for pose in poses]),
@@ -160,7 +167,10 @@ class Pose:
         published ones sometimes are) are projected onto SO(3); singular, left-handed, scaled or
         non-finite ones are refused.
         """
-        r, t = _numbers(rotation, where, "rotation"), _numbers(translation, where, "translation")
+        r, t = (
+            float64_of(rotation, where, "rotation"),
+            float64_of(translation, where, "translation"),
+        )
         if r.shape[-2:] != (3, 3) and r.shape[-1:] == (9,):
             r = r.reshape(*r.shape[:-1], 3, 3)
         if t.shape == (*r.shape[:-2], 3, 1):
@@ -179,11 +189,11 @@ class Pose:
                 f"{where}: the rotation is left-handed (determinant "
                 f"{determinant.min().item():.3f}); check for a flipped axis."
             )
-        off = (r @ r.mT - torch.eye(3, dtype=r.dtype)).abs().amax()
+        off = _largest(r @ r.mT - torch.eye(3, dtype=r.dtype))
         if off > ORTHONORMAL_TOLERANCE or (determinant < 0.5).any():
             raise InputError(
                 f"{where}: the 3×3 matrix is not a rotation (R·Rᵀ differs from the identity by "
-                f"{off.item():.3g}, determinant {determinant.min().item():.3g})."
+                f"{off:.3g}, determinant {determinant.min().item():.3g})."
             )
         return Pose(nearest_rotation(r), t)
 
@@ -230,11 +240,28 @@ class Pose:
 
     def __matmul__(self, other: Pose) -> Pose:
         """This pose after the other: (a @ b).transform(x) = a.transform(b.transform(x))."""
+        if not isinstance(other, Pose):
+            raise InputError(
+                f"Pose @: the other must be a Pose, found a {type(other).__name__}; "
+                "Pose.from_matrix(matrix) makes one, Pose.transform(points) moves points."
+            )
+        if self.rotation.dtype != other.rotation.dtype:
+            kind = torch.promote_types(self.rotation.dtype, other.rotation.dtype)
+            return self.to(kind) @ other.to(kind)
         moved = (self.rotation @ other.translation[..., None])[..., 0] + self.translation
         return Pose(self.rotation @ other.rotation, moved)
 
-    def transform(self, points: Tensor) -> Tensor:
-        """Points of the object in the camera's frame: (..., N, 3) → (..., N, 3)."""
+    def transform(self, points: Numbers) -> Tensor:
+        """Points of the object in the camera's frame: (..., N, 3) → (..., N, 3), (3,) → (..., 3).
+
+        Lists and arrays will do, and become tensors of the pose's type; `InputError` for others.
+
+        >>> Pose(torch.eye(3), torch.tensor([0.0, 0.0, 0.5])).transform([[0.1, 0.0, 0.0]])
+        tensor([[0.1000, 0.0000, 0.5000]])
+        """
+        points = vectors(points, 3, "Pose.transform", "points").to(self.rotation.dtype)
+        if points.dim() == 1:
+            return self.transform(points[None])[..., 0, :]
         return points @ self.rotation.mT + self.translation[..., None, :]
 
     def to(self, target: torch.dtype | torch.device) -> Pose:
@@ -251,20 +278,20 @@ def _check_order(order: str, where: str) -> None:
         raise InputError(f"{where}: the order is {order!r}, must be 'xyzw' or 'wxyz'.")
 
 
-def _numbers(values: Any, where: str, name: str) -> Tensor:
-    if isinstance(values, Tensor):
-        return values.detach().to("cpu", torch.float64)
-    try:
-        return torch.from_numpy(np.array(values, dtype=np.float64))
-    except (TypeError, ValueError, OverflowError, RecursionError):
-        raise InputError(f"{where}: the {name} must be numbers, found {shown(values)}.") from None
+def _largest(values: Tensor) -> float:
+    """The largest absolute value, 0 of none; NaN if one is."""
+    return float(values.abs().amax()) if values.numel() else 0.0
+
+
+def _check_shape(matrix: Tensor, where: str) -> None:
+    if matrix.shape[-2:] != (4, 4):
+        raise InputError(f"{where}: found shape {tuple(matrix.shape)}, not 4×4.")
 
 
 def _of_matrix(matrix: Any, where: str) -> Pose:
-    numbers = _numbers(matrix, where, "matrix")
-    if numbers.shape[-2:] != (4, 4):
-        raise InputError(f"{where}: found shape {tuple(numbers.shape)}, not 4×4.")
-    if (numbers[..., 3, :] - numbers.new_tensor([0.0, 0.0, 0.0, 1.0])).abs().max() > 1e-6:
+    numbers = float64_of(matrix, where, "matrix")
+    _check_shape(numbers, where)
+    if _largest(numbers[..., 3, :] - numbers.new_tensor([0.0, 0.0, 0.0, 1.0])) > 1e-6:
         raise InputError(f"{where}: the last row must be 0, 0, 0, 1; is the matrix transposed?")
     return Pose.checked(numbers[..., :3, :3], numbers[..., :3, 3], where)
 

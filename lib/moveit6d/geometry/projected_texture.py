@@ -40,9 +40,9 @@ def paint(
 ) -> Mesh:
     """A copy of a mesh with the colours that an image (H, W, 3) shows at a pose.
 
-    `pose` is the mesh file's frame; the image has no lens distortion. Sides that are not seen take
-    the mean colour. `InputError` for what is no image of the camera (`images`) and no pose
-    (`inputs`), and if too little of the object is seen.
+    `pose` is the mesh file's frame; the image is seen through the camera's lens, if it has one.
+    Sides that are not seen take the mean colour. `InputError` for what is no image of the camera
+    (`images`) and no pose (`inputs`), and if too little of the object is seen.
     """
     from .mesh import Mesh
 
@@ -60,7 +60,8 @@ def paint(
     facing = np.abs((normals * rays).sum(1))  # single sheets are seen from both sides
     seen = (facing > config.min_facing) & _in_image(pixels[faces], camera)
     steep, tolerance = np.maximum(facing, config.min_facing), config.hidden * mesh.sphere_diameter
-    seen &= (corners[..., 2] > 0).all(1)  # what is behind the camera has pixels too
+    # What is behind the camera, or farther aside than its lens shows, has pixels too.
+    seen &= _shown(placed, camera)[faces].all(1)
     seen &= ~_hidden(corners, middles, steep, camera, tolerance)
     if seen.sum() < 4:
         raise InputError(
@@ -93,6 +94,12 @@ def _in_image(pixels: NDArray[np.float64], camera: Camera) -> NDArray[np.bool_]:
     return found
 
 
+def _shown(points: NDArray[np.float64], camera: Camera) -> NDArray[np.bool_]:
+    """Which of the points (N, 3) the camera can see, in the image or beside it."""
+    shown: NDArray[np.bool_] = points[:, 2] > 0
+    return shown if camera.lens is None else camera.lens.shows(points)
+
+
 def _hidden(
     corners: NDArray[np.float64],
     middles: NDArray[np.float64],
@@ -109,19 +116,21 @@ def _hidden(
         [0.45, 0.45, 0.1], [0.45, 0.1, 0.45], [0.1, 0.45, 0.45],
     ])  # fmt: skip
     points = np.einsum("wk,fkx->fwx", weights, corners).reshape(-1, 3)
+    points = points[_shown(points, camera)]  # others would hide what their pixels show
     spacing = float(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1).max()) / 3
     cell = max(1.0, camera.fx * spacing / max(float(middles[:, 2].min()), 1e-6))
+
+    rows, columns = int(camera.height / cell) + 3, int(camera.width / cell) + 3
 
     def cells(places: NDArray[np.float64]) -> NDArray[np.int64]:
         pixels = camera.project(torch.from_numpy(places)).numpy() / cell
         column = np.clip(pixels[:, 0], -1, camera.width / cell).astype(np.int64) + 1
         row = np.clip(pixels[:, 1], -1, camera.height / cell).astype(np.int64) + 1
-        found: NDArray[np.int64] = row * (int(camera.width / cell) + 3) + column
+        found: NDArray[np.int64] = row * columns + column
         return found
 
-    where = cells(points)
-    nearest = np.full(int(where.max()) + 1, np.inf)
-    np.minimum.at(nearest, where, points[:, 2])
+    nearest = np.full(rows * columns, np.inf)
+    np.minimum.at(nearest, cells(points), points[:, 2])
     # A cell of a slanted face spans some depth itself.
     slack = tolerance + 1.5 * spacing / facing
     hidden: NDArray[np.bool_] = middles[:, 2] > nearest[cells(middles)] + slack

@@ -15,20 +15,43 @@ from numpy.typing import NDArray
 
 from ..checks import entry, listed, mapping, numbers
 from ..errors import InputError
+from .numbers import float64_of
 
 # BOP cuts a full turn into ceil(pi / 0.01) rotations.
 BOP_STEP_DEGREES = 360.0 / 315
 # Of a list that is completed: the largest finite group of a solid has 60 rotations.
 MOST_MOTIONS = 64
 SAME_TURN = 0.05  # radians: measured symmetries are as far off
+UNIT_TOLERANCE = 1e-3  # by which a unit vector of few digits is off
 
 
 @dataclass(frozen=True, eq=False)
 class ContinuousSymmetry:
-    """Any rotation about an axis: unit `axis` (3,) through the point `offset` (3,), metres."""
+    """Any rotation about an axis: unit `axis` (3,) through the point `offset` (3,), metres.
+
+    `InputError` for an axis of another length and for what is no finite vector.
+    """
 
     axis: NDArray[np.float64]
     offset: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name in ("axis", "offset"):
+            vector = float64_of(getattr(self, name), "ContinuousSymmetry", name).numpy()
+            if vector.shape != (3,) or not np.isfinite(vector).all():
+                raise InputError(
+                    f"ContinuousSymmetry: the {name} must be 3 finite numbers, found "
+                    f"{vector.tolist()}."
+                )
+            object.__setattr__(self, name, vector)
+        length = float(np.linalg.norm(self.axis))
+        if abs(length - 1) > UNIT_TOLERANCE:
+            raise InputError(
+                f"ContinuousSymmetry: the axis must have length 1, found {length:.6g}; divide it "
+                "by its length."
+            )
+        if abs(length - 1) > 1e-12:
+            object.__setattr__(self, "axis", self.axis / length)
 
     def cross(self) -> NDArray[np.float64]:
         """The matrix (3, 3) that takes the cross product with the axis from the left."""
@@ -55,7 +78,7 @@ class Symmetries:
     continuous: tuple[ContinuousSymmetry, ...] = ()
 
     def __post_init__(self) -> None:
-        discrete = np.asarray(self.discrete, np.float64)
+        discrete = float64_of(self.discrete, "Symmetries", "discrete symmetries").numpy()
         if discrete.ndim != 3 or discrete.shape[1:] != (4, 4) or not np.isfinite(discrete).all():
             raise InputError(
                 f"Symmetries: the discrete ones must be finite (S, 4, 4), found {discrete.shape}."
@@ -63,6 +86,13 @@ class Symmetries:
         for number, matrix in enumerate(discrete):
             _check_rigid(matrix, f"Symmetries: discrete symmetry {number}")
         object.__setattr__(self, "discrete", discrete)
+        axes = tuple(self.continuous) if isinstance(self.continuous, list | tuple) else (None,)
+        if not all(isinstance(axis, ContinuousSymmetry) for axis in axes):
+            raise InputError(
+                "Symmetries: the continuous ones must be a list of ContinuousSymmetry(axis, "
+                "offset)."
+            )
+        object.__setattr__(self, "continuous", axes)
 
     @staticmethod
     def from_bop(info: Mapping[str, Any]) -> Symmetries:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import copy
 import warnings
 from collections.abc import Callable, Mapping
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, get_args
 
 import torch
 from torch import Tensor, nn
@@ -58,7 +58,9 @@ class InferenceNetwork:
     Batch normalisation is folded into the convolutions, which compute with the numbers that
     `compute` names: `auto` is bfloat16 where `is_bfloat16_fast`. Small batches, where a third of
     the time would be Python's, run as a TorchScript trace of the same network. `device` is where it
-    runs; observations come from the CPU and answers go back there.
+    runs; observations come from the CPU and answers go back there. A copy, also one that was
+    pickled, is made anew where it is unpickled. `InputError` for numbers and devices that there are
+    not.
     """
 
     def __init__(
@@ -67,6 +69,10 @@ class InferenceNetwork:
         compute: Compute = "auto",
         device: str | torch.device = "cpu",
     ) -> None:
+        if compute not in get_args(Compute):
+            known = ", ".join(repr(name) for name in get_args(Compute))
+            raise InputError(f"compute is {compute!r}, must be one of {known}.")
+        self._made_of = (network, compute, device)
         self.device = checked_device(device)
         network = folded(network).to(self.device)
         on_cpu = self.device.type == "cpu"
@@ -76,6 +82,10 @@ class InferenceNetwork:
             _to_bfloat16(network, pack=on_cpu)
         self.folded = _Plain(network).eval()
         self._traces: dict[int, Callable[..., Answer]] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What it is made of: traces and packed numbers belong to this process and processor."""
+        return InferenceNetwork, self._made_of
 
     @torch.inference_mode()
     def __call__(self, observation: Observation) -> PolicyOutput:

@@ -7,7 +7,7 @@ the block (Ctrl-C too), the frames so far make a whole video.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ..checks import shown
 from ..errors import InputError
 from ..geometry.images import rgb_bytes
 from ..io import discard, replacing
@@ -22,6 +23,8 @@ from ..typing import ImageLike
 
 CODECS = ("libx264", "mpeg4")  # the first that this machine's PyAV can write
 QUALITY = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"qmin": "3", "qmax": "3"}}
+USUAL_RATE = 25.0  # frames a second
+LARGEST_DENOMINATOR = 1001  # of a rate as a fraction: 30000/1001 is usual
 
 
 class VideoWriter:
@@ -29,29 +32,38 @@ class VideoWriter:
 
     Every kind of image that `prepare_frame` takes will do. The first frame sets the size (made even
     by dropping a row or column); later ones of another size are scaled to it. A block that wrote no
-    frame leaves no file.
+    frame leaves no file, and an older file as it was. `fps` that no video has (0, NaN, None of a
+    source that does not know) is 25; `InputError` for what is no number.
     """
 
     def __init__(self, path: str | Path, fps: float | None = None) -> None:
         self.path = Path(path)
-        self.fps = fps if fps is not None and 0 < fps < 1000 else 25.0
-        self._place = replacing(self.path)
+        self.fps = _rate(fps, self.path)
+        self._place: AbstractContextManager[Path] | None = None  # only inside of the block
         self._temporary = self.path
         self._container: Any = None
         self._stream: Any = None
-        self._broken = False
 
     def __enter__(self) -> VideoWriter:
-        self._temporary = self._place.__enter__()
+        if self._place is not None:
+            raise InputError(f"{self.path} is being written already, by another block.")
+        place = replacing(self.path)
+        self._temporary = place.__enter__()
+        self._place = place
         return self
 
     def write(self, image: ImageLike) -> None:
-        """Append one frame; `InputError` for what is no image."""
+        """Append one frame; `InputError` for what is no image, and outside of the block."""
         import av
 
+        if self._place is None:
+            raise InputError(
+                f"{self.path}: frames are written inside of `with VideoWriter(path) as video:`, "
+                "and none after one that failed."
+            )
         pixels = rgb_bytes(image)
         even = np.ascontiguousarray(pixels[: pixels.shape[0] // 2 * 2, : pixels.shape[1] // 2 * 2])
-        if self._container is None:
+        if self._stream is None:
             self._open(even.shape[1], even.shape[0])
         width, height = self._stream.width, self._stream.height
         picture = av.VideoFrame.from_ndarray(even, format="rgb24")
@@ -66,15 +78,17 @@ class VideoWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._broken:
-            return
-        if self._container is None:
-            discard(self._place)
-            return
-        with self._failing():
-            self._encode(None)
-            self._container.close()
-        self._place.__exit__(None, None, None)
+        place = self._place
+        try:
+            if place is not None and self._stream is None:
+                discard(place)
+            elif place is not None:
+                with self._failing():
+                    self._encode(None)
+                    self._container.close()
+                place.__exit__(None, None, None)
+        finally:
+            self._place = self._container = self._stream = None
 
     def _encode(self, picture: Any) -> None:
         """Write a picture, or with None what the codec still holds."""
@@ -87,10 +101,11 @@ class VideoWriter:
         try:
             yield
         except OSError as error:  # PyAV's errors of files are such, too
-            self._broken = True
             with suppress(OSError):  # ffmpeg crashes where a container is forgotten unclosed
                 self._container.close()
-            discard(self._place)
+            if self._place is not None:
+                discard(self._place)
+            self._place = None
             reason = error.strerror or error
             raise InputError(f"{self.path} cannot be written: {reason}.") from error
 
@@ -101,10 +116,26 @@ class VideoWriter:
             raise InputError(f"{self.path}: frames of {width}×{height} pixels make no video.")
         name = next((name for name in CODECS if name in av.codecs_available), CODECS[-1])
         try:
-            self._container = av.open(str(self._temporary), "w", format="mp4")
+            container = av.open(str(self._temporary), "w", format="mp4")
         except (av.error.FFmpegError, OSError) as error:
             raise InputError(f"{self.path} cannot be written: {error.strerror}.") from error
-        rate = Fraction(self.fps).limit_denominator(1001)
-        self._stream = self._container.add_stream(name, rate=rate, options=QUALITY[name])
-        self._stream.width, self._stream.height = width, height
-        self._stream.pix_fmt = "yuv420p"
+        rate = Fraction(self.fps).limit_denominator(LARGEST_DENOMINATOR)
+        try:
+            stream = container.add_stream(name, rate=rate, options=QUALITY[name])
+        except (av.error.FFmpegError, ValueError) as error:  # a codec that is not there
+            container.close()
+            raise InputError(f"{self.path} cannot be written: {error}.") from error
+        stream.width, stream.height = width, height
+        stream.pix_fmt = "yuv420p"
+        self._container, self._stream = container, stream
+
+
+def _rate(fps: Any, path: Path) -> float:
+    """Frames a second of the video."""
+    if fps is None:
+        return USUAL_RATE
+    try:
+        rate = float(fps)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{path}: fps must be a number, found {shown(fps)}.") from None
+    return rate if 1 / LARGEST_DENOMINATOR <= rate < 1000 else USUAL_RATE

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -87,6 +89,51 @@ def test_the_truth_has_no_error() -> None:
         metrics.rotation_error(truth, truth),
     ):
         assert error.shape == (4,) and float(error.abs().max()) < 1e-12
+
+
+EYE = torch.eye(4, dtype=torch.float64)[None]
+K = torch.tensor([[600.0, 0, 320], [0, 600, 240], [0, 0, 1]], dtype=torch.float64)
+METRICS: dict[str, Callable[[Pose, Pose, Any], torch.Tensor]] = {
+    "add": metrics.add,
+    "adi": metrics.adi,
+    "mssd": lambda a, b, x: metrics.mssd(a, b, x, EYE),
+    "mspd": lambda a, b, x: metrics.mspd(a, b, x, EYE, K),
+    "reprojection": lambda a, b, x: metrics.reprojection_error(a, b, x, K),
+    "translation": lambda a, b, x: metrics.translation_error(a, b),
+    "rotation": lambda a, b, x: metrics.rotation_error(a, b),
+    "laval": lambda a, b, x: metrics.laval_rotation_error(a, b),
+    "within": lambda a, b, x: metrics.within(a, b).double(),
+    "errors_of": lambda a, b, x: metrics.errors_of(metrics.adi, a, b, x),
+}
+
+
+@pytest.mark.parametrize("name", METRICS)
+def test_one_pose_is_compared_with_each_of_several(name: str) -> None:
+    several, others, points = two_poses(3)
+    error, one = METRICS[name], others[0]
+    singles = torch.stack([error(several[k], one, points).reshape(()) for k in range(3)])
+    torch.testing.assert_close(error(several, one, points), singles)
+    singles = torch.stack([error(one, several[k], points).reshape(()) for k in range(3)])
+    torch.testing.assert_close(error(one, several, points), singles)
+    with pytest.raises(InputError, match=r"shape \(3,\) and true poses of shape \(2,\) do not fit"):
+        error(several, others[:2], points)
+
+
+@pytest.mark.parametrize("name", METRICS)
+def test_points_and_poses_of_other_types_will_do(name: str) -> None:
+    estimate, truth, points = two_poses()
+    found = METRICS[name](estimate.to(torch.float32), truth, points.numpy())
+    expected = METRICS[name](estimate, truth, points)
+    torch.testing.assert_close(found, expected, rtol=1e-3, atol=1e-4)
+    if name in ("add", "adi", "mssd", "mspd", "reprojection", "errors_of"):
+        with pytest.raises(InputError, match="points must be"):
+            METRICS[name](estimate, truth, points[:, :2])
+
+
+def test_symmetries_and_intrinsics_may_be_arrays() -> None:
+    estimate, truth, points = two_poses()
+    found = metrics.mspd(estimate, truth, points, EYE.numpy(), K.numpy())  # type: ignore[arg-type]
+    torch.testing.assert_close(found, metrics.mspd(estimate, truth, points, EYE, K))
 
 
 def test_unbatched_poses_give_single_errors() -> None:

@@ -17,7 +17,7 @@ from .pose_errors import auroc
 BINS = 10
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reliability:
     """A confidence (N,) against what came out.
 

@@ -1,6 +1,7 @@
 """Errors of poses and what is counted from them.
 
 Pure functions on tensors; never reads files. Poses and points belong to the mesh file's frame.
+Estimates and true poses broadcast against each other; `InputError` for shapes that do not.
 """
 
 from __future__ import annotations
@@ -8,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from ...errors import InputError
 from ...geometry.camera import project
+from ...geometry.numbers import floating, vectors
 from ...geometry.pose import Pose
 from ...geometry.rotation import exp_so3, log_so3, rotation_angle
 
@@ -42,7 +45,8 @@ def add(estimate: Pose, truth: Pose, points: Tensor) -> Tensor:
         >>> round(float(add(estimate, truth, points)), 6)
         0.003
     """
-    points = points.to(truth.translation)
+    estimate, truth = _together(estimate, truth)
+    points = _points(points, truth)
     turn = estimate.rotation - truth.rotation
     shift = estimate.translation - truth.translation
     distance: Tensor = (points @ turn.mT + shift[..., None, :]).norm(dim=-1)
@@ -66,7 +70,8 @@ def adi(estimate: Pose, truth: Pose, points: Tensor) -> Tensor:
     """
     from scipy.spatial import cKDTree
 
-    points = points.to(truth.translation)
+    estimate, truth = (pose.detach() for pose in _together(estimate, truth))
+    points = _points(points, truth).detach()
     # Seen from the estimate, so that one tree of the points serves all poses.
     moved = flattened(estimate.inverse() @ truth).transform(points).numpy()  # (B, N, 3)
     tree = cKDTree(points.numpy())
@@ -90,6 +95,7 @@ def translation_error(estimate: Pose, truth: Pose) -> Tensor:
         >>> round(float(translation_error(estimate, truth)), 6)
         0.003
     """
+    estimate, truth = _together(estimate, truth)
     distance: Tensor = (estimate.translation - truth.translation).norm(dim=-1)
     return distance
 
@@ -106,6 +112,7 @@ def rotation_error(estimate: Pose, truth: Pose) -> Tensor:
         >>> round(float(rotation_error(Pose(turned, still.translation), still)), 3)
         5.73
     """
+    estimate, truth = _together(estimate, truth)
     turn = estimate.rotation.mT @ truth.rotation
     skew = torch.stack(
         [
@@ -127,6 +134,7 @@ def laval_rotation_error(estimate: Pose, truth: Pose) -> Tensor:
     the angle at 20°, and from 87° to 100° at 90°. For Laval's tables only.
     (lvsn/6DOF_tracking_evaluation, evaluate_sequence.py.)
     """
+    estimate, truth = _together(estimate, truth)
     return _euler_angle(log_so3(estimate.rotation @ truth.rotation.mT).abs())
 
 
@@ -154,7 +162,8 @@ def reprojection_error(estimate: Pose, truth: Pose, points: Tensor, intrinsics: 
 
     `intrinsics` is (3, 3). (Brachmann et al., CVPR 2016; `proj` in bop_toolkit.)
     """
-    points, intrinsics = points.to(truth.translation), intrinsics.to(truth.translation)
+    estimate, truth = _together(estimate, truth)
+    points, intrinsics = _points(points, truth), _like(truth, intrinsics, "intrinsics")
     found, true = (project(pose.transform(points), intrinsics) for pose in (estimate, truth))
     distance: Tensor = (found - true).norm(dim=-1)
     return distance.mean(-1)
@@ -177,7 +186,8 @@ def mspd(
     `intrinsics` is (3, 3). BOP compares it with limits after × 640 / width of the image.
     (bop_toolkit, pose_error.mspd.)
     """
-    matrix = intrinsics.to(truth.translation)
+    _, truth = _together(estimate, truth)
+    matrix = _like(truth, intrinsics, "intrinsics")
     return _largest(estimate, truth, points, symmetries, lambda seen: project(seen, matrix))
 
 
@@ -276,7 +286,7 @@ def errors_of(error: ErrorFunction, estimate: Pose, truth: Pose, *what: Any) -> 
 
     A miss is an estimate with a number that is not finite.
     """
-    found, true = flattened(estimate), flattened(truth)
+    found, true = (flattened(pose) for pose in _together(estimate, truth))
     known = torch.isfinite(found.matrix).all(-1).all(-1)
     errors = torch.full((len(true),), float("inf"), dtype=torch.float64, device=known.device)
     if known.any():
@@ -287,6 +297,35 @@ def errors_of(error: ErrorFunction, estimate: Pose, truth: Pose, *what: Any) -> 
 def flattened(pose: Pose) -> Pose:
     """Poses (...) as one batch (N)."""
     return Pose(pose.rotation.reshape(-1, 3, 3), pose.translation.reshape(-1, 3))
+
+
+def _together(estimate: Pose, truth: Pose) -> tuple[Pose, Pose]:
+    """Both in the batch shape and the dtype that the two make; `InputError` if there is none."""
+    try:
+        shape = np.broadcast_shapes(estimate.batch_shape, truth.batch_shape)
+    except ValueError:
+        raise InputError(
+            f"Metrics: estimates of shape {tuple(estimate.batch_shape)} and true poses of shape "
+            f"{tuple(truth.batch_shape)} do not fit together; give as many, or a single one."
+        ) from None
+    kind = torch.promote_types(estimate.translation.dtype, truth.translation.dtype)
+    found, true = (
+        Pose(pose.rotation.expand(*shape, 3, 3), pose.translation.expand(*shape, 3)).to(kind)
+        for pose in (estimate, truth)
+    )
+    return found, true
+
+
+def _points(points: Any, pose: Pose) -> Tensor:
+    """Points (N, 3) in the pose's dtype and on its device; lists and arrays too."""
+    found = vectors(points, 3, "Metrics", "the points").to(pose.translation)
+    if found.dim() != 2 or not len(found):
+        raise InputError(f"Metrics: the points must be (N, 3), found {tuple(found.shape)}.")
+    return found
+
+
+def _like(pose: Pose, values: Any, name: str) -> Tensor:
+    return floating(values, "Metrics", name).to(pose.translation)
 
 
 def _euler_angle(vector: Tensor) -> Tensor:
@@ -306,8 +345,9 @@ def _largest(
 
     What cannot be seen (a point in the camera's plane) is infinitely far.
     """
-    points = points.to(truth.translation)
-    motions = Pose.from_matrix(symmetries.to(truth.translation))
+    estimate, truth = _together(estimate, truth)
+    points = _points(points, truth)
+    motions = Pose.from_matrix(_like(truth, symmetries, "symmetries"))
     size = max(1, CHUNK // len(points))
     moved = [motions[k : k + size].transform(points) for k in range(0, len(motions), size)]
     shape, errors = truth.batch_shape, []
