@@ -6,6 +6,7 @@ Never more than arguments.
 from __future__ import annotations
 
 import ctypes
+import re
 import site
 import sys
 import sysconfig
@@ -13,6 +14,7 @@ import warnings
 from argparse import ArgumentError
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any
 
 import torch
@@ -20,7 +22,7 @@ from jsonargparse import Namespace
 from lightning_fabric.utilities.exceptions import MisconfigurationException
 from pytorch_lightning.cli import LightningArgumentParser, LightningCLI
 
-from moveit6d.checks import reading
+from moveit6d.checks import DAMAGE, reading
 from moveit6d.errors import InputError
 from moveit6d.io import IS_READ, check_places, check_writable, read_text
 from moveit6d.networks.weights_file import WEIGHTS_NAME
@@ -83,6 +85,15 @@ class FitCLI(LightningCLI):
         written = {"--output": (folder / WEIGHTS_NAME, folder / RECORD, saved)}
         check_places(written, dict.fromkeys(self._read(), IS_READ))
         claim(folder, {**self.model.facts(), **self.datamodule.facts()})
+        _check_checkpoint(self._checkpoint())
+
+    def _checkpoint(self) -> Path | None:
+        """The file that the fit goes on from, if there is one."""
+        given = self.config["fit"].get("ckpt_path")
+        if given != "last":
+            return None if given is None else Path(given)
+        found = Path(self.config["fit"]["output"]).glob("last*.ckpt")
+        return max(found, key=lambda path: path.stat().st_mtime, default=None)
 
     def _read(self) -> Iterator[Path]:
         """The single files that the fit reads: configurations and weights."""
@@ -95,6 +106,8 @@ class FitCLI(LightningCLI):
         """Limit the threads, and settle the memory, before anything is computed."""
         keep_memory()
         threads = self.config["fit"]["threads"]
+        if threads < 0:
+            raise InputError(f"threads is {threads}, must be 0 or more (0: torch's choice).")
         if threads:
             torch.set_num_threads(threads)
 
@@ -176,12 +189,12 @@ def _run(kind: type[FitCLI], arguments: Sequence[str]) -> FitCLI:
                 args=["fit", *arguments],
                 save_config_kwargs={"overwrite": True},
                 seed_everything_default=0,
+                auto_configure_optimizers=False,  # rates and decay are the module's options
                 parser_kwargs={**errors, "fit": errors},
             )
     except ArgumentError as error:
-        text = " ".join(str(error.message).split())
         remedy = "`moveit6d fit --all_options` lists what there is"
-        raise InputError(f"fit: {text[:300].rstrip('.')}; {remedy}.") from error
+        raise InputError(f"fit: {_refusal(str(error.message))}; {remedy}.") from error
     except MisconfigurationException as error:  # as of a GPU that is not there
         reason = " ".join(str(error).split())[:300].rstrip(".!")
         raise InputError(
@@ -203,11 +216,40 @@ def _run(kind: type[FitCLI], arguments: Sequence[str]) -> FitCLI:
         raise
 
 
+def _refusal(text: str) -> str:
+    """Option and reason, out of a page that says of each type, and each part, why a value is none.
+
+    Every part of a value stands further to the right than what it is of.
+    """
+    key = ".".join(re.findall(r'^[ -]*Parser key "([^"]+)":$', text, re.MULTILINE))
+    if not key:
+        return " ".join(text.split())[:300].rstrip(".")
+    lines = [line for line in text.splitlines() if line.strip()]
+    deepest = max(len(line) - len(line.lstrip()) for line in lines)
+    reasons = [line.strip(" -") for line in lines if not line[:deepest].strip()]
+    return f"{key}: {'; '.join(dict.fromkeys(reasons))[:300].rstrip('.')}"
+
+
 def _sentence(text: str) -> str:
     """What an error says; of one from a worker process without the traceback that torch adds."""
     if not text.startswith("Caught InputError in DataLoader worker"):
         return text
     return " ".join(text.rpartition("InputError: ")[2].split())
+
+
+def _check_checkpoint(path: Path | None) -> None:
+    """Refuse a file to go on from that a full disk, or a copy that was killed, has cut off."""
+    if path is None or not path.is_file():
+        return
+    try:
+        whole = "state_dict" in torch.load(path, map_location="cpu", weights_only=False)
+    except (*DAMAGE, RuntimeError, UnpicklingError, ImportError):
+        whole = False
+    if not whole:
+        raise InputError(
+            f"{path} is damaged or no checkpoint of a fit: remove it to begin anew "
+            "(--model.init_from begins with the weights beside it), or give another --ckpt_path."
+        )
 
 
 def _configurations(arguments: Sequence[str]) -> Iterator[Path]:

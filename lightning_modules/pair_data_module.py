@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, IterableDataset
 
+from moveit6d.config.ranges import RANGES
 from moveit6d.errors import InputError
 from moveit6d.networks.weights_file import WEIGHTS_NAME, load_network
 from moveit6d.observation import Observation
@@ -94,6 +95,11 @@ class PairDataModule(pl.LightningDataModule):
         for name, value in counts.items():
             if value < least.get(name, 0):
                 raise InputError(f"data.{name} is {value}, must be {least.get(name, 0)} or more.")
+        for name, share in {
+            "symmetric": symmetric, "untextured": untextured, "slender": slender
+        }.items():  # fmt: skip
+            if not RANGES["from 0 to 1"](share):
+                raise InputError(f"data.{name} is {share}, must be from 0 to 1.")
         if dihedral and written is None:
             raise InputError("data.dihedral is for written pairs: set data.written, too.")
         self.folder, self.mesh_unit, self.holdout = meshes, mesh_unit, holdout
@@ -110,7 +116,15 @@ class PairDataModule(pl.LightningDataModule):
         self._validation: list[TrainingBatch] = []
 
     def setup(self, stage: str) -> None:
-        """`InputError` where pairs are to be drawn on a GPU that is not there."""
+        """`InputError` where pairs are to be drawn on a GPU that is not there.
+
+        With trainer.limit_train_batches there are several epochs: each gets a loader of its own,
+        which begins where the fit is then, so that no epoch shows another one's pairs. With
+        trainer.overfit_batches they are meant to be the same.
+        """
+        trainer: Any = self.trainer
+        if trainer is not None and not trainer.overfit_batches:
+            trainer.reload_dataloaders_every_n_epochs = 1
         if self.device == "cuda" and not torch.cuda.is_available():
             raise InputError(
                 "data.device is cuda, but PyTorch finds no NVIDIA GPU here: set data.device to cpu "
@@ -141,8 +155,7 @@ class PairDataModule(pl.LightningDataModule):
                 f"Mesh folder {self.folder} holds {len(paths)} mesh files; "
                 f"with holdout {self.holdout} more are needed."
             )
-        every = len(paths) // self.holdout if self.holdout else len(paths) + 1
-        held = set(paths[every // 2 :: every][: self.holdout])
+        held = {paths[number] for number in _spread(len(paths), self.holdout)}
         return [p for p in paths if p not in held], [p for p in paths if p in held]
 
     def train_dataloader(self) -> DataLoader[TrainingBatch]:
@@ -285,6 +298,14 @@ class PairDataModule(pl.LightningDataModule):
 
     def _processes(self) -> int:
         return self.trainer.world_size if self.trainer else 1
+
+
+def _spread(count: int, few: int) -> list[int]:
+    """Numbers below `count`, so few of them, evenly spread."""
+    every = count // few if few else 0
+    if every >= few:  # what is left over at the end is less than a step
+        return [every // 2 + number * every for number in range(few)]
+    return [(2 * number + 1) * count // (2 * few) for number in range(few)]
 
 
 class _Fixed(Dataset[TrainingBatch]):

@@ -19,6 +19,7 @@ from torch import Tensor, nn
 from torch.nn.utils import convert_conv2d_weight_memory_format, get_total_norm
 
 from moveit6d.actions import expert_action
+from moveit6d.config.ranges import RANGES
 from moveit6d.errors import InputError
 from moveit6d.io import file_digest
 from moveit6d.networks.action_net import ActionNet
@@ -39,6 +40,7 @@ from .losses import (
 from .pair_streams import check_leads
 
 MOST_LEFT_OUT = 20  # steps in a row
+PRECISIONS = ("32-true", "16-mixed", "bf16-mixed")  # that leave losses and weights in float32
 
 
 class PoseActionModule(pl.LightningModule):
@@ -90,6 +92,10 @@ class PoseActionModule(pl.LightningModule):
         schedules = ("cosine", "stable_decay", "paper")
         if schedule not in schedules:
             raise InputError(f"model.schedule is {schedule!r}, must be one of {schedules}.")
+        _check_numbers("above 0 and finite", learning_rate=learning_rate)
+        _check_numbers("1 or more", total_steps=total_steps)
+        steps = {"warmup_steps": warmup_steps, "matching_steps": matching_steps}
+        _check_numbers("0 or more and finite", weight_decay=weight_decay, **steps)
         if not 0 < decay <= 1:
             raise InputError(f"model.decay is {decay}, must be above 0 and 1 at most.")
         ends = (*restarts, total_steps)
@@ -113,11 +119,13 @@ class PoseActionModule(pl.LightningModule):
         self.weights = weights or LossWeights()
         self.values: dict[str, Tensor] = {}  # terms of the last training step; none if left out
         self.left_out = 0  # steps in a row
-        self._statistics: list[Tensor] = []  # of batch normalisation, before the step
+        self._step = -1  # that the following two are of
+        self._terms: list[dict[str, Tensor]] = []  # of each of its batches
+        self._statistics: list[Tensor] = []  # of batch normalisation, before it
 
     def on_train_start(self) -> None:
         """Time counts from here; rates are the module's, not those that a checkpoint remembers."""
-        self._begin = time.monotonic()
+        self._begin, self._step = time.monotonic(), -1
         for optimizer in self.trainer.optimizers:
             for group in optimizer.param_groups:
                 group["initial_lr"], group["weight_decay"] = self.learning_rate, self.weight_decay
@@ -147,7 +155,12 @@ class PoseActionModule(pl.LightningModule):
         self._minutes_before = known.get("over", 0.0) if same else 0.0
 
     def on_fit_start(self) -> None:
-        """`InputError` if the network is not made for the pairs: other crops, or rollouts."""
+        """`InputError` if the network is not made for the pairs, or in such a precision."""
+        if self.trainer.precision not in PRECISIONS:
+            raise InputError(
+                f"trainer.precision is {self.trainer.precision}, must be one of "
+                f"{', '.join(PRECISIONS)}."
+            )
         data = getattr(self.trainer, "datamodule", None)
         rollouts, pairs = getattr(data, "rollouts", None), getattr(data, "pairs", None)
         if rollouts is not None and rollouts.iterations and rollouts.weights is None:
@@ -167,8 +180,14 @@ class PoseActionModule(pl.LightningModule):
 
     def training_step(self, batch: TrainingBatch, _: int) -> Tensor:
         """One loss; its terms are logged as `train/NAME`."""
-        self._statistics = [values.clone() for values in self._running()]
-        loss, self.values = self._shared_step(batch)
+        if self._step != self.global_step:  # else another batch of a step that takes several
+            self._step, self._terms = self.global_step, []
+            self._statistics = [values.clone() for values in self._running()]
+        loss, values = self._shared_step(batch)
+        if not _near(batch.delta, batch).any():
+            values.pop("error_left", None)  # of nothing: it would make means smaller
+        self._terms.append(values)
+        self.values = _means(self._terms)
         size = len(batch.delta)
         trainer: Any = self.trainer
         every = trainer.log_every_n_steps  # in these steps Lightning writes what it was given last
@@ -195,7 +214,8 @@ class PoseActionModule(pl.LightningModule):
         optimizer.zero_grad(set_to_none=True)  # so that not even the momentum moves anything
         for values, before in zip(self._running(), self._statistics, strict=True):
             values.copy_(before)
-        terms = [name for name, value in self.values.items() if not value.isfinite().all()]
+        bad = (k for batch in self._terms for k, v in batch.items() if not v.isfinite().all())
+        terms = dict.fromkeys(bad)  # each once
         reason = f"{', '.join(terms)} not finite" if terms else "gradients not finite"
         rank_zero_warn(f"Step {self.global_step} is left out: {reason}.")
         self.values, self.left_out = {}, self.left_out + 1
@@ -249,9 +269,8 @@ class PoseActionModule(pl.LightningModule):
         values = {name: value.detach() for name, value in terms.items()}
         delta = output.prediction.delta
         assert delta is not None
-        near = batch.near[:, None]
-        left = ((delta - batch.delta).abs() * near).sum()
-        values["error_left"] = (left / (batch.delta.abs() * near).sum()).detach()
+        left, whole = _near(delta - batch.delta, batch).sum(), _near(batch.delta, batch).sum()
+        values["error_left"] = torch.where(whole > 0, left / whole, 0.0).detach()
         values["right"] = right.mean()
         return loss, values
 
@@ -296,6 +315,25 @@ class PoseActionModule(pl.LightningModule):
     def export(self, path: Path, facts: dict[str, str]) -> None:
         """Write the network as a weights file that `moveit6d.load_policy` reads."""
         save_network(self.network, path, {**facts, "steps": str(self.global_step)})
+
+
+def _near(delta: Tensor, batch: TrainingBatch) -> Tensor:
+    """Absolute pose deltas (B, 6), 0 for pairs that teach none."""
+    return delta.abs() * batch.near[:, None]
+
+
+def _means(batches: list[dict[str, Tensor]]) -> dict[str, Tensor]:
+    """Of every term, over the batches that have it."""
+    names = dict.fromkeys(name for batch in batches for name in batch)
+    known = {name: [batch[name] for batch in batches if name in batch] for name in names}
+    return {name: torch.stack(values).mean(0) for name, values in known.items()}
+
+
+def _check_numbers(what: str, **numbers: float) -> None:
+    """`InputError` for one outside of a range of `RANGES`."""
+    for name, value in numbers.items():
+        if not RANGES[what](value):
+            raise InputError(f"model.{name} is {value}, must be {what}.")
 
 
 def _check_lengths(minutes: float | None, teacher: Path | None, teacher_steps: int) -> None:

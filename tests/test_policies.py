@@ -69,6 +69,15 @@ def test_the_oracle_knows_the_way() -> None:
     torch.testing.assert_close(prediction.delta, pose_delta(start, truth, diameter))
 
 
+def test_the_oracle_takes_plain_numbers_of_a_batch() -> None:
+    truth = Pose(torch.eye(3)[None].requires_grad_(), torch.ones(1, 3))
+    oracle = OraclePolicy(truth)
+    assert oracle.truth.rotation.dtype == torch.float64 and not oracle.truth.rotation.requires_grad
+    for wrong in (truth[0], truth.matrix):
+        with pytest.raises(InputError, match="must be a batch of poses"):
+            OraclePolicy(wrong)  # type: ignore[arg-type]
+
+
 def test_in_a_mirror_the_counts_change_their_signs_as_poses_do() -> None:
     mirror = torch.diag(torch.tensor([-1.0, 1.0, 1.0]).double())
 

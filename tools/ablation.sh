@@ -7,6 +7,10 @@
 # BACKGROUNDS, which are other ones. Two networks are trained beside each other, on a core each.
 # What OUTPUT already holds is not made again: a killed run goes on. 500 steps by default: an hour.
 set -euo pipefail
+if (($# < 5)); then
+    sed -n '2,8s/^# \{0,1\}//p' "$0"
+    exit 2
+fi
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 meshes=$1 photos=$2 objects=$3 backgrounds=$4 output=$5 steps=${6:-500}
 correlation=configs/fit/multi_object_correlation.yaml

@@ -11,6 +11,7 @@ is what makes both alike in the middle of the table.
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from moveit6d import Mesh, PoseAction
 from moveit6d.config import LoopConfig
 from moveit6d.datasets import open_dataset
 from moveit6d.datasets.sequences import Sequence
+from moveit6d.errors import InputError
 from moveit6d.estimation.covariance import update_jacobian
 from moveit6d.estimation.refine import refine_starts
 from moveit6d.estimation.results import Start
@@ -41,13 +43,13 @@ BINS = 8
 ROBUST = 1.4826  # times the median of absolute values: the standard deviation of normal ones
 
 
-def main() -> None:
+def main(arguments: list[str] | None = None) -> int:
     """Print a row for each range of standard deviations, and the factor that fits them best."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("sequences", type=Path, nargs="+")
     parser.add_argument("--weights", type=Path, default=SHIPPED_WEIGHTS)
     parser.add_argument("--every", type=int, default=4, help="frames between those looked at")
-    args = parser.parse_args()
+    args = parser.parse_args(arguments)
     torch.set_num_threads(1)
     policy, renderer = load_policy(args.weights), make_renderer()
     found = [
@@ -57,7 +59,10 @@ def main() -> None:
         if not sequence.symmetric
         for axis in axes_of(sequence, args.every, policy, renderer)
     ]
+    if not found:
+        raise InputError("There are no examples: no sequence has a pose with a covariance.")
     print(report(np.array(found)))
+    return 0
 
 
 def axes_of(
@@ -110,4 +115,7 @@ def report(found: NDArray[np.float64]) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        sys.exit(main())
+    except InputError as error:
+        sys.exit(f"fit_covariance: {error}")

@@ -1,7 +1,7 @@
 """Fits `VerificationConfig`, `StateConfig` and `SingleImageConfig`: how likely a pose is right.
 
     python -m tools.fit_probabilities --meshes MESHES --photos PHOTOS [--weights FILE]
-        [--calibrated FILE] [--sequences FOLDER …] [--jobs 2]
+        [--mesh_unit mm] [--holdout 8] [--calibrated FILE] [--sequences FOLDER …] [--jobs 2]
 
 On synthetic pictures and sequences of training meshes that were held out (by the rule of
 `PairDataModule`), objects that are not there among them. Prints the weights and, cross-validated by
@@ -16,6 +16,7 @@ layer has that line is written there. The regressions are of that network then.
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,11 +25,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from lightning_modules.pair_data_module import PairDataModule
 from moveit6d import Mesh, Pose, PoseDetector, load_policy, make_renderer
 from moveit6d.actions import PoseAction
 from moveit6d.config import SingleImageConfig, TrackerConfig
-from moveit6d.datasets.video import open_frames
+from moveit6d.errors import InputError
 from moveit6d.estimation import TemplateStore
 from moveit6d.estimation.estimator import refine_single
 from moveit6d.estimation.final_confidence import search_confidences
@@ -36,6 +36,7 @@ from moveit6d.estimation.results import Refined, Target, TrackingResult, starts_
 from moveit6d.estimation.states import log_odds
 from moveit6d.evaluation.metrics import auroc
 from moveit6d.evaluation.metrics.calibration import reliability
+from moveit6d.geometry.mesh import Unit
 from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.weights_file import load_network, save_network
 from moveit6d.parallel import run_jobs
@@ -44,6 +45,7 @@ from moveit6d.rendering.renderer import Renderer
 from moveit6d.synthesis.sequences.sequence import Scene
 from moveit6d.synthesis.single_images import make_cases
 from moveit6d.synthesis.training.clusters import ClusterConfig, draw_delta
+from moveit6d.synthesis.training.source import photo_files
 from tools.scenes import of_size, relative_error, spoilt, spoilt_picture, table
 from tools.tracked_frames import (
     DIFFICULTIES,
@@ -52,6 +54,7 @@ from tools.tracked_frames import (
     tracked_frames,
     uncoloured_frames,
 )
+from tools.training_files import add_options, check_held_out, data_of, read_photographs
 
 TABLETOP = "easy"  # with other objects around the first one, which touch and hide it
 POOR = 0.5  # share of the pictures of tables that are spoilt
@@ -62,11 +65,10 @@ RIDGE = 2.0
 PLAIN = TrackerConfig(single_image=SingleImageConfig(1.0, 0.0, 0.0))  # the confidence itself
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Make, look, fit, print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--meshes", type=Path, required=True, help="training meshes, metres")
-    parser.add_argument("--photos", type=Path, required=True, help="backgrounds")
+    add_options(parser)
     parser.add_argument("--weights", type=Path, help="weights file instead of the shipped one")
     parser.add_argument("--calibrated", type=Path, help="file for the calibrated network")
     parser.add_argument(
@@ -76,13 +78,15 @@ def main() -> None:
     parser.add_argument("--pictures", type=int, default=2, help="of each mesh and difficulty")
     parser.add_argument("--seed", type=int, default=0, help="of the pictures")
     parser.add_argument("--jobs", type=int, default=1, help="meshes worked on at a time")
-    args = parser.parse_args()
-    paths = PairDataModule(meshes=args.meshes).mesh_paths()[1]
+    args = parser.parse_args(arguments)
+    data = data_of(args)
+    check_held_out(data)
+    paths = data.mesh_paths()[1]
     tasks = [
         Task(path, paths[(number + 1) % len(paths)], tuple(
                  one for k, one in enumerate(paths) if (k - number) % len(paths) > 1
              ), args.seed + 10 * number, args.photos, args.weights or SHIPPED_WEIGHTS,
-             args.pictures)
+             args.pictures, args.mesh_unit)
         for number, path in enumerate(paths)
     ]  # fmt: skip
     done = sorted(run_jobs(examples_of, tasks, jobs=args.jobs), key=lambda job: job.index)
@@ -90,6 +94,8 @@ def main() -> None:
         if job.result is None:
             print(f"{tasks[job.index].mesh.name} teaches nothing: {job.error}")
     gathered = [job.result for job in done if job.result is not None]
+    if not gathered:
+        raise InputError("There are no examples: see what is said of each mesh above.")
     found, followed, refined, present, uncoloured = (
         [one for result in gathered for one in result[kind]] for kind in range(5)
     )
@@ -111,6 +117,7 @@ def main() -> None:
     report("StateConfig, uncoloured", ("confidence", "agreement"), in_log_odds(uncoloured))
     both = [replace(one, evidence=tuple(map(log_odds, one.evidence))) for one in refined]
     report("SingleImageConfig", ("confidence", "search_confidence"), without_borderline(both))
+    return 0
 
 
 @dataclass(frozen=True)
@@ -127,6 +134,7 @@ class Task:
     photos: Path
     weights: Path
     pictures: int
+    mesh_unit: Unit = "m"
 
 
 def examples_of(task: Task) -> tuple[list[Example], ...]:
@@ -135,16 +143,17 @@ def examples_of(task: Task) -> tuple[list[Example], ...]:
     And of tracks without the mesh's colours.
     """
     torch.set_num_threads(1)
-    meshes = [Mesh.load(path, allow_flat=True) for path in (task.mesh, task.other)]
-    beside = [of_size(Mesh.load(path, allow_flat=True), meshes[0].diameter) for path in task.beside]
-    found = [frame.image for frame in open_frames(task.photos / "*") if frame.image is not None]
+    paths = (task.mesh, task.other, *task.beside)
+    loaded = [Mesh.load(path, unit=task.mesh_unit, allow_flat=True) for path in paths]
+    meshes, beside = loaded[:2], [of_size(one, loaded[0].diameter) for one in loaded[2:]]
+    found = read_photographs(photo_files(task.photos))
     photos = found[:: max(1, len(found) // PHOTOS)]
     policy = load_policy(task.weights)
     return (
         list(candidates(meshes, beside, photos, policy, task.pictures, task.seed)),
         list(tracked_frames(meshes[0], photos, policy, task.seed)),
         list(refinements(meshes[0], beside, photos, policy, task.seed)),
-        list(present_ones((task.mesh, task.other, *task.beside), photos, policy, task.seed)),
+        list(present_ones(paths, photos, policy, task.seed, task.mesh_unit)),
         list(tracked_frames(meshes[0], photos, policy, task.seed, coloured=False)),
     )
 
@@ -208,6 +217,8 @@ def logit(confidence: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def platt(examples: Sequence[Example]) -> NDArray[np.float64]:
     """Slope and intercept (2,) of the calibrated logit, printed with what they change."""
+    if not examples:
+        raise InputError("--calibrated: there are no examples of where tracks and refinements end.")
     confidence = np.array([one.evidence[0] for one in examples])
     right = np.array([one.right for one in examples])
     line = fit(logit(confidence)[:, None], right)
@@ -281,11 +292,12 @@ def candidates(
 
 
 def present_ones(
-    paths: Sequence[Path], photos: Sequence[NDArray[np.uint8]], policy: NetworkPolicy, seed: int
-) -> Iterator[Example]:
+    paths: Sequence[Path], photos: Sequence[NDArray[np.uint8]], policy: NetworkPolicy, seed: int,
+    unit: Unit,
+) -> Iterator[Example]:  # fmt: skip
     """The best pose of each search for an object of a table that is small in a photograph."""
     renderer, rng = make_renderer(), np.random.default_rng([seed, 0])
-    image, camera, targets = table(rng, paths, photos)
+    image, camera, targets = table(rng, paths, photos, unit)
     spoil = rng.random() < POOR
     if spoil:
         image = spoilt_picture(rng, image)
@@ -298,8 +310,13 @@ def present_ones(
             yield Example(values, error, target.mesh.name)
 
 
-def report(name: str, names: Sequence[str], examples: Sequence[Example]) -> NDArray[np.float64]:
+def report(
+    name: str, names: Sequence[str], examples: Sequence[Example]
+) -> NDArray[np.float64] | None:
     """The weights, printed with how well those fitted without a mesh do on it."""
+    if not examples:
+        print(f"{name}: no examples")
+        return None
     values = np.array([one.evidence for one in examples])
     right = np.array([one.right for one in examples])
     owner = np.array([one.mesh for one in examples])
@@ -320,8 +337,11 @@ def report(name: str, names: Sequence[str], examples: Sequence[Example]) -> NDAr
     return weights
 
 
-def report_present(weights: NDArray[np.float64], examples: Sequence[Example]) -> None:
+def report_present(weights: NDArray[np.float64] | None, examples: Sequence[Example]) -> None:
     """Print by how much the log odds of the weights (K + 1,) are to be raised for the examples."""
+    if weights is None or not examples:
+        print("VerificationConfig: present: no examples")
+        return
     values = np.array([one.evidence for one in examples])
     right = np.array([one.right for one in examples])
     more = shift(weights, values, right)
@@ -370,4 +390,7 @@ def probability(weights: NDArray[np.float64], values: NDArray[np.float64]) -> ND
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        sys.exit(main())
+    except InputError as error:
+        sys.exit(f"fit_probabilities: {error}")

@@ -1,7 +1,8 @@
 """Fits a compact network's confidence for searches on where searches and refinements end.
 
     python -m tools.fit_search_head --meshes MESHES --photos PHOTOS --output WEIGHTS
-        [--weights FILE] [--outcomes FOLDER] [--pictures 80] [--jobs 2]
+        [--weights FILE] [--outcomes FOLDER] [--mesh_unit mm] [--holdout 8] [--pictures 80]
+        [--jobs 2]
 
 In training the confidence sees starts drawn around true poses, and is asked whether the next pose
 is right. A search proposes others, of all that looks most like the object, and wants to know which
@@ -21,6 +22,7 @@ from __future__ import annotations
 import argparse
 import copy
 import hashlib
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -32,15 +34,17 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from lightning_modules.pair_data_module import PairDataModule
 from moveit6d.errors import InputError
 from moveit6d.evaluation.metrics import auroc
+from moveit6d.geometry.mesh import Unit
 from moveit6d.io import read_json, replacing, write_json
 from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.weights_file import load_network, save_network
 from moveit6d.parallel import run_jobs
 from moveit6d.policies import SHIPPED_WEIGHTS
+from moveit6d.synthesis.training.source import photo_files
 from tools.search_outcomes import Outcomes, Task, outcomes_of, without_search_head
+from tools.training_files import add_options, data_of
 
 MESHES, PHOTOS = 30, 24  # that a picture may take from
 EPOCHS, RATE, BATCH = 16, 1e-3, 512
@@ -49,34 +53,37 @@ FOLDS = 5
 FACTS = "outcomes.json"  # beside the outcomes: what they belong to
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Make, look, fit, write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--meshes", type=Path, required=True, help="training meshes, metres")
-    parser.add_argument("--photos", type=Path, required=True, help="backgrounds")
+    add_options(parser)
     parser.add_argument("--output", type=Path, required=True, help="weights file to write")
     parser.add_argument("--weights", type=Path, default=SHIPPED_WEIGHTS, help="weights file to fit")
     parser.add_argument("--outcomes", type=Path, default=Path("runs/outcomes"))
     parser.add_argument("--pictures", type=int, default=80)
     parser.add_argument("--jobs", type=int, default=1, help="pictures worked on at a time")
-    args = parser.parse_args()
+    args = parser.parse_args(arguments)
     loaded = load_network(args.weights)
     network = loaded.network
-    assert isinstance(network, CompactCorrelationNet), "only a compact network is fitted"
+    if not isinstance(network, CompactCorrelationNet):
+        raise InputError(f"{args.weights}: only a compact network has a head for searches.")
     plain = without_search_head(network)
-    meshes, photos = sources(args.meshes, args.photos)
+    # Of the meshes never those that are held out.
+    meshes, photos = data_of(args).mesh_paths()[0], photo_files(args.photos)
     facts = {
         "network": digest(plain),
         "meshes": digest_of_files(meshes),
         "photos": digest_of_files(photos),
     }
     claim(args.outcomes, facts)
-    gather(tasks(meshes, photos, args.weights, args.pictures), args.outcomes, args.jobs)
+    made = tasks(meshes, photos, args.weights, args.pictures, args.mesh_unit)
+    gather(made, args.outcomes, args.jobs)
     known = gathered(args.outcomes, args.pictures)
     report(known, known.before, "confidence")
     report(known, cross_validated(plain.confidence_head, known), "search head")
     head = fitted(plain.confidence_head, known, seed=0)
     save_network(with_search_head(plain, head), args.output, loaded.facts)
+    return 0
 
 
 def with_search_head(network: CompactCorrelationNet, head: nn.Sequential) -> CompactCorrelationNet:
@@ -85,12 +92,6 @@ def with_search_head(network: CompactCorrelationNet, head: nn.Sequential) -> Com
     whole.search_head.load_state_dict(head.state_dict())
     whole.load_state_dict(network.state_dict(), strict=False)
     return whole
-
-
-def sources(meshes: Path, photos: Path) -> tuple[list[Path], list[Path]]:
-    """Files of training meshes, never of those that are held out, and of photographs."""
-    paths = PairDataModule(meshes=meshes).mesh_paths()[0]
-    return list(paths), sorted(path for path in photos.iterdir() if path.is_file())
 
 
 def digest(network: CompactCorrelationNet) -> str:
@@ -128,8 +129,9 @@ def claim(folder: Path, facts: Mapping[str, Any]) -> None:
 
 
 def tasks(
-    paths: Sequence[Path], backgrounds: Sequence[Path], weights: Path, pictures: int
-) -> list[Task]:
+    paths: Sequence[Path], backgrounds: Sequence[Path], weights: Path, pictures: int,
+    unit: Unit,
+) -> list[Task]:  # fmt: skip
     """Pictures of meshes in front of photographs."""
     found = []
     for number in range(pictures):
@@ -141,6 +143,7 @@ def tasks(
                 tuple(paths[k] for k in some),
                 tuple(backgrounds[k] for k in behind[:PHOTOS]),
                 weights,
+                unit,
             )
         )
     return found
@@ -236,4 +239,7 @@ def report(known: Outcomes, confidence: NDArray[np.float32], name: str) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        sys.exit(main())
+    except InputError as error:
+        sys.exit(f"fit_search_head: {error}")

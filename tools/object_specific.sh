@@ -8,6 +8,10 @@
 # (configs/pairs/paper.yaml), 51,200 of them written first: what training reads again and again.
 # The paper's 25,000 steps by default: two hours of one core. A killed run goes on.
 set -euo pipefail
+if (($# < 5)); then
+    sed -n '2,9s/^# \{0,1\}//p' "$0"
+    exit 2
+fi
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 mesh=$1 occluders=$2 photos=$3 backgrounds=$4 output=$5 steps=${6:-25000} rate=${7:-4.0e-4}
 config=configs/fit/object_specific.yaml

@@ -1,6 +1,6 @@
 """Pack all that a training on a lent GPU machine needs into one folder of at most 64 MiB.
 
-    python tools/pack_for_gpu.py MESHES PHOTOS OUTPUT [--wheels FOLDER]
+    python tools/pack_for_gpu.py MESHES PHOTOS OUTPUT [--mesh_unit mm] [--wheels FOLDER]
 
 The code, the configurations, the folder of meshes with all that is in it (materials, pictures,
 declared symmetries), the photographs at the size at which they are used, and wheels of what is
@@ -22,7 +22,7 @@ from PIL import Image
 
 from moveit6d.errors import InputError
 from moveit6d.geometry.crop import look_at
-from moveit6d.geometry.mesh import Mesh, sphere_diameters
+from moveit6d.geometry.mesh import Mesh, Unit, sphere_diameters
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
 from moveit6d.io import replacing_folder
@@ -33,8 +33,9 @@ from moveit6d.synthesis.training.source import mesh_files
 ROOT = Path(__file__).parents[1]
 LIMIT = 64 * 2**20
 QUALITY = 70  # of the photographs: they lie behind objects, and are made worse anyway
+UNIT = "mesh_unit"  # file with the unit of the meshes, for the scripts
 SCRIPTS = ("train_on_gpu.sh", "probe_gpu.py")
-PACKED = {*SCRIPTS, "code", "meshes", "photos", "wheels", "reference.npz"}
+PACKED = {*SCRIPTS, "code", "meshes", "photos", "wheels", UNIT, "reference.npz"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -43,6 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("meshes", type=Path)
     parser.add_argument("photos", type=Path)
     parser.add_argument("output", type=Path)
+    parser.add_argument("--mesh_unit", choices=("m", "mm"), default="m", help="of the meshes")
     parser.add_argument("--wheels", type=Path, help="folder of .whl files to install there")
     args = parser.parse_args(arguments)
     _refuse_foreign(args.output)
@@ -87,13 +89,14 @@ def _pack(args: argparse.Namespace, output: Path) -> None:
         Image.fromarray(photo).save(output / f"photos/{number:05d}.jpg", quality=QUALITY)
     if args.wheels is not None:
         shutil.copytree(args.wheels, output / "wheels")
-    _write_reference(output / "meshes", output / "reference.npz")
+    (output / UNIT).write_text(args.mesh_unit, encoding="utf-8")
+    _write_reference(output / "meshes", args.mesh_unit, output / "reference.npz")
 
 
-def _write_reference(meshes: Path, output: Path) -> None:
+def _write_reference(meshes: Path, unit: Unit, output: Path) -> None:
     """Renderings by ray casting, with which `probe_gpu.py` compares those of the GPU."""
     paths = mesh_files(meshes)[::22]
-    loaded = [Mesh.load(path, allow_flat=True) for path in paths]
+    loaded = [Mesh.load(path, unit=unit, allow_flat=True) for path in paths]
     generator = torch.Generator().manual_seed(0)
     diameter = sphere_diameters(loaded)
     distance = 2.2 + 8 * torch.rand(len(loaded), generator=generator, dtype=torch.float64)

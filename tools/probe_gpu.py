@@ -20,7 +20,7 @@ from lightning_modules.bank_pairs import BankStream
 from lightning_modules.cli import read_data
 from lightning_modules.pose_action_module import PoseActionModule
 from moveit6d.geometry.crop import look_at
-from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.mesh import Mesh, Unit
 from moveit6d.geometry.pose import Pose
 from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.observation import Observation
@@ -51,6 +51,7 @@ def main(folder: Path, output: Path) -> None:
             f"--config={configs / 'fit/compact.yaml'}",
             f"--config={configs / 'overlay/gpu_pairs.yaml'}",
             f"--data.meshes={folder / 'meshes'}",
+            f"--data.mesh_unit={_unit(folder)}",
             f"--data.photos={folder / 'photos'}",
             "--data.shapes=160",
         ]
@@ -65,11 +66,17 @@ def main(folder: Path, output: Path) -> None:
     print(f"peak memory {torch.cuda.max_memory_allocated() / 1e9:.1f} GB", flush=True)
 
 
+def _unit(folder: Path) -> Unit:
+    """Of the pack's meshes."""
+    return "mm" if (folder / "mesh_unit").read_text(encoding="utf-8") == "mm" else "m"
+
+
 def _compare(folder: Path) -> None:
     """Renderings of the GPU beside those by ray casting."""
     wanted = np.load(folder / "reference.npz")
     paths = [folder / "meshes" / str(name) for name in wanted["names"]]
-    meshes = [pack_mesh(Mesh.load(path, allow_flat=True)) for path in paths]
+    unit = _unit(folder)
+    meshes = [pack_mesh(Mesh.load(path, unit=unit, allow_flat=True)) for path in paths]
     bank = MeshBank.of(meshes, CUDA)
     rotation, translation = (
         torch.from_numpy(wanted[k]).to(CUDA) for k in ("rotation", "translation")

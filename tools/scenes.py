@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from moveit6d import Camera, Mesh, Pose
 from moveit6d.evaluation.metrics import add_s
+from moveit6d.geometry.mesh import Unit
 from moveit6d.synthesis.objects.reshape import reshaped
 from moveit6d.synthesis.sequences.sequence import Scene
 
@@ -38,12 +39,13 @@ class Target:
 
 
 def table(
-    rng: np.random.Generator, paths: Sequence[Path], photos: Sequence[NDArray[np.uint8]]
-) -> tuple[NDArray[np.uint8], Camera, list[Target]]:
+    rng: np.random.Generator, paths: Sequence[Path], photos: Sequence[NDArray[np.uint8]],
+    unit: Unit = "m",
+) -> tuple[NDArray[np.uint8], Camera, list[Target]]:  # fmt: skip
     """Objects around another one, small in a photograph."""
     meshes: list[Mesh] = []
     for path in paths:
-        mesh = Mesh.load(path, allow_flat=True)
+        mesh = Mesh.load(path, unit=unit, allow_flat=True)
         if sorted(np.ptp(mesh.vertices, 0))[1] / mesh.diameter > FLATTEST:
             meshes.append(of_size(mesh, rng.uniform(*SIZES)))
         if len(meshes) == OTHERS + 1:

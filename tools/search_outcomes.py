@@ -18,12 +18,12 @@ from torch import Tensor, nn
 from moveit6d import Mesh, Pose, PoseDetector, make_renderer
 from moveit6d.actions import PoseAction
 from moveit6d.config import ContourConfig, DetectorConfig, MatchConfig, TrackerConfig
-from moveit6d.datasets.video import read_image
 from moveit6d.estimation.half_turns import half_turned
 from moveit6d.estimation.refine import refine_starts
 from moveit6d.estimation.results import Refined, Start
 from moveit6d.evaluation.metrics import ADD_LIMIT
 from moveit6d.frame import Frame, prepare_frame
+from moveit6d.geometry.mesh import Unit
 from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.policy_output import PolicyOutput
 from moveit6d.networks.weights_file import load_network
@@ -35,6 +35,7 @@ from moveit6d.synthesis.objects.slender import slender_copy
 from moveit6d.synthesis.single_images import make_cases
 from moveit6d.synthesis.training.clusters import ClusterConfig, draw_delta
 from tools.scenes import Target, moving, relative_error, spoilt, spoilt_picture, table
+from tools.training_files import read_photographs
 
 TABLES = 0.65  # share of the pictures
 SLENDER = 0.35  # share of the moving objects
@@ -58,6 +59,7 @@ class Task:
     meshes: tuple[Path, ...]
     photos: tuple[Path, ...]
     weights: Path
+    mesh_unit: Unit = "m"
 
 
 @dataclass(frozen=True)
@@ -144,15 +146,15 @@ def outcomes_of(task: Task) -> Outcomes | None:
     """What came of one picture; None if nothing can be seen in it."""
     torch.set_num_threads(1)
     rng = np.random.default_rng([task.number, 6])
-    photos = [read_image(path) for path in task.photos]
+    photos = read_photographs(task.photos)
     loaded = load_network(task.weights).network
     assert isinstance(loaded, CompactCorrelationNet), "only a compact network is fitted"
     recorder, renderer = Recorder(loaded), make_renderer()
     found: list[Outcomes] = []
     if rng.random() < TABLES:
-        image, camera, targets = table(rng, task.meshes, photos)
+        image, camera, targets = table(rng, task.meshes, photos, task.mesh_unit)
     else:
-        mesh = Mesh.load(task.meshes[0], allow_flat=True)
+        mesh = Mesh.load(task.meshes[0], unit=task.mesh_unit, allow_flat=True)
         if rng.random() < SLENDER:
             mesh = slender_copy(rng, mesh)
         image, camera, targets = moving(rng, mesh, photos)

@@ -16,10 +16,13 @@ meshes=$(realpath "$1") photos=$(realpath "$2") output=$(realpath -m "$3")
 shift 3
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 python=${PYTHON:-.venv/bin/python}
+# What the later parts need of the fit's options, which are refused now where they cannot do with it.
+files=$("$python" -m tools.training_files --config configs/fit/compact.yaml "$@" \
+    --data.meshes "$meshes" --data.photos "$photos" --output "$output")
 "$python" -m moveit6d fit --config configs/fit/compact.yaml "$@" \
     --data.meshes "$meshes" --data.photos "$photos" --output "$output"
-"$python" -m tools.fit_search_head --meshes "$meshes" --photos "$photos" --jobs 2 \
+"$python" -m tools.fit_search_head --meshes "$meshes" --photos "$photos" $files --jobs 2 \
     --weights "$output/weights.safetensors" --output "$output/multi_object.safetensors" \
     --outcomes "$output/outcomes"
-"$python" -m tools.fit_probabilities --meshes "$meshes" --photos "$photos" --jobs 2 \
+"$python" -m tools.fit_probabilities --meshes "$meshes" --photos "$photos" $files --jobs 2 \
     --weights "$output/multi_object.safetensors"

@@ -180,3 +180,15 @@ def test_a_new_beginning_keeps_what_is_known_and_takes_the_equivalent_nearest_to
     again = track.begin_again(Pose(over, moving(box, 1).translation), sure)
     torch.testing.assert_close(again.centred.matrix, moving(box, 1).matrix)
     assert again.depth_bias == 0.4 and again.keyframes is again.sure_keyframes is sure
+
+
+def test_a_generator_of_symmetries_stands_for_all_of_its_powers(brick: Mesh) -> None:
+    quarter = np.eye(4)
+    quarter[:2, :2] = [[0, -1], [1, 0]]
+    quarter[:3, 3] = brick.center - quarter[:3, :3] @ brick.center
+    post = replace(brick, symmetries=Symmetries(quarter[None]))
+    track = TrackState.begin(post, moving(post, 0))
+    half = torch.from_numpy(quarter[:3, :3] @ quarter[:3, :3])
+    there = moving(post, 0)
+    track.add(Pose(there.rotation @ half, there.translation), 0.9)
+    torch.testing.assert_close(track.centred.matrix, there.matrix)

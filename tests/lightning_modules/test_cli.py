@@ -161,6 +161,42 @@ def test_what_is_not_there_is_one_sentence(tmp_path: Path, options: list[str], w
 
 
 @pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ("--optimizer=Adam", "unrecognized arguments: --optimizer=Adam"),
+        ("--lr_scheduler=StepLR", "unrecognized arguments: --lr_scheduler=StepLR"),
+        (
+            "--model.network.init_args.config.blocks=1",
+            r"model\.network\.config: Option 'blocks' is",
+        ),
+        ("--model.network.init_args.config.channels=a", r"network\.config\.channels: .* value: a"),
+        (
+            "--data.rollouts.iterations=a",
+            r"data\.rollouts\.iterations: .*int.* value: a; `moveit6d",
+        ),
+        ("--trainer.max_steps=a", r"trainer\.max_steps: Expected a <class 'int'>. Got value: a;"),
+        ("--threads=-1", "threads is -1, must be 0 or more"),
+    ],
+)
+def test_a_refusal_names_the_option_and_the_reason(tmp_path: Path, option: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        main([*arguments(tmp_path, 2), option])
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"PK" + bytes(90), b"\x80\x04K\x01."],
+    ids=["empty", "cut off", "something else"],
+)
+def test_a_damaged_checkpoint_is_one_sentence(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "last.ckpt").write_bytes(content)
+    with pytest.raises(InputError, match=r"last\.ckpt is damaged or no checkpoint.*: remove it"):
+        main(arguments(tmp_path, 2))
+
+
+@pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", ["fit.json", "config.yaml"])
 def test_a_fit_does_not_write_over_its_configuration(tmp_path: Path, name: str) -> None:
     mine = tmp_path / name

@@ -39,6 +39,30 @@ def test_held_out_meshes_are_spread_and_never_trained_on(tmp_path: Path) -> None
     assert min(numbers) < 5 and max(numbers) > 35
 
 
+@pytest.mark.parametrize(
+    ("count", "holdout", "numbers"),
+    [
+        (174, 8, [10, 31, 52, 73, 94, 115, 136, 157]),  # as for the shipped weights
+        (15, 8, [0, 2, 4, 6, 8, 10, 12, 14]),
+        (9, 8, [0, 1, 2, 3, 5, 6, 7, 8]),
+        (2, 1, [1]),
+    ],
+)
+def test_held_out_meshes_are_evenly_spread_in_small_folders_too(
+    tmp_path: Path, count: int, holdout: int, numbers: list[int]
+) -> None:
+    data = PairDataModule(meshes=folder_of(tmp_path, count), holdout=holdout)
+    assert [int(path.stem) for path in data.mesh_paths()[1]] == numbers
+
+
+@pytest.mark.parametrize("name", ["slender", "symmetric", "untextured"])
+@pytest.mark.parametrize("share", [3.0, -0.1, float("nan")])
+def test_shares_are_from_0_to_1(name: str, share: float) -> None:
+    options: dict[str, Any] = {name: share}
+    with pytest.raises(InputError, match=rf"data\.{name} is {share}, must be from 0 to 1"):
+        PairDataModule(**options)
+
+
 def test_one_object_alone_needs_no_holdout(tmp_path: Path) -> None:
     train, held = PairDataModule(meshes=folder_of(tmp_path, 1), holdout=0).mesh_paths()
     assert len(train) == 1 and held == []
@@ -227,6 +251,63 @@ def test_written_pairs_come_in_other_dihedral_views_each_time(written: Path) -> 
 def test_dihedral_views_are_of_written_pairs() -> None:
     with pytest.raises(InputError, match=r"data\.dihedral is for written pairs"):
         PairDataModule(dihedral=True)
+
+
+class _Looker(pl.LightningModule):
+    """Trains nothing; remembers the pairs that it is shown."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.shown: list[tuple[float, ...]] = []
+        self.weight = torch.nn.Parameter(torch.zeros(1))
+
+    def training_step(self, batch: TrainingBatch, _: int) -> torch.Tensor:
+        self.shown.append(tuple(batch.delta.flatten().tolist()))
+        return self.weight.sum()
+
+    def transfer_batch_to_device(self, batch: Any, *_: Any) -> Any:
+        return batch
+
+    def configure_optimizers(self) -> torch.optim.Optimizer:
+        return torch.optim.SGD(self.parameters(), lr=0.0)
+
+
+def shown(
+    data: PairDataModule, steps: int, start: Path | None = None, save: Path | None = None,
+    **options: Any,
+) -> list[tuple[float, ...]]:  # fmt: skip
+    """The pairs of a fit, of a step each."""
+    module = _Looker()
+    training = pl.Trainer(
+        accelerator="cpu", logger=False, enable_checkpointing=False, enable_progress_bar=False,
+        enable_model_summary=False, max_steps=steps, limit_val_batches=0, **options,
+    )  # fmt: skip
+    training.fit(module, data, ckpt_path=start)
+    if save is not None:
+        training.save_checkpoint(save)
+    return module.shown
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("workers", [0, 1])
+def test_every_epoch_shows_other_pairs(source: PairSource, workers: int) -> None:
+    data = PairDataModule(photos=source.photos, shapes=1, batch_size=1, workers=workers)
+    assert len(set(shown(data, 4, limit_train_batches=2))) == 4
+    assert len(set(shown(data, 4, overfit_batches=2))) == 2, "learnt by heart on purpose"
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_every_written_pair_is_read_in_short_epochs_and_by_a_fit_that_goes_on(
+    written: Path, tmp_path: Path
+) -> None:
+    def data() -> PairDataModule:
+        return PairDataModule(written=written, batch_size=2, workers=0)
+
+    through = shown(data(), 8, limit_train_batches=3)
+    assert len(set(through)) == 8
+    checkpoint = tmp_path / "some.ckpt"
+    first = shown(data(), 4, save=checkpoint, limit_train_batches=3)
+    assert first + shown(data(), 8, checkpoint, limit_train_batches=3) == through
 
 
 def trainer(folder: Path, accumulated: int = 1) -> pl.Trainer:

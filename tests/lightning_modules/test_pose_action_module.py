@@ -2,6 +2,7 @@
 
 import csv
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.correlation import CorrelationConfig, CorrelationNet
 from moveit6d.networks.weights_file import load_network, save_network
 from moveit6d.policies import SHIPPED_WEIGHTS
+from moveit6d.synthesis.training.pairs import TrainingBatch
 from moveit6d.synthesis.training.source import PairSource
 
 
@@ -258,6 +260,58 @@ def test_a_step_without_finite_gradients_leaves_the_network_as_it_was() -> None:
     assert module.left_out == 0 and module.values
 
 
+class _Blinded(PoseActionModule):
+    """Is shown one batch, by its number, without a finite number in its picture."""
+
+    def training_step(self, batch: TrainingBatch, number: int) -> torch.Tensor:
+        if number == 2:
+            seen = batch.observation
+            batch = replace(batch, observation=replace(seen, image=seen.image * float("nan")))
+        return super().training_step(batch, number)
+
+
+def test_a_bad_batch_among_those_of_a_step_leaves_the_network_as_it_was(
+    source: PairSource,
+) -> None:
+    config = ActionConfig(channels=(4, 4, 4, 4), hidden=4)
+    broken = _BrokenAt()
+    with pytest.warns(UserWarning, match=r"Step 1 is left out: actions, confidence not finite"):
+        trained(
+            _Blinded(ActionNet(config)), source, 3, callbacks=[broken], accumulate_grad_batches=2
+        )
+    before, same, after = broken.states[1::2]
+    assert all(torch.equal(value, same[name]) for name, value in before.items())
+    assert all(value.isfinite().all() for value in after.values())
+    assert not all(torch.equal(value, after[name]) for name, value in before.items())
+
+
+def test_terms_of_a_step_are_means_of_its_batches(source: PairSource) -> None:
+    alone: list[torch.Tensor] = []
+    both: list[torch.Tensor] = []
+
+    class Watch(pl.Callback):
+        def on_train_batch_end(self, _: Any, module: Any, *__: Any) -> None:
+            alone.append(module._terms[-1]["actions"])
+            both.append(module.values["actions"])
+
+    trained(PoseActionModule(small()), source, 1, callbacks=[Watch()], accumulate_grad_batches=2)
+    assert both[0] == alone[0] and both[1] == pytest.approx(sum(map(float, alone)) / 2)
+
+
+@pytest.mark.parametrize("pairs", [{"near": 0.0}, {"delta": 0.0}])
+def test_a_batch_that_teaches_no_pose_delta_says_nothing_of_what_is_left(
+    source: PairSource, pairs: dict[str, float]
+) -> None:
+    data = PairDataModule(photos=source.photos, shapes=1, batch_size=1, workers=0)
+    batch = next(iter(data.train_dataloader()))
+    batch = replace(batch, **{k: torch.full_like(getattr(batch, k), v) for k, v in pairs.items()})
+    module = PoseActionModule(CompactCorrelationNet())
+    module._trainer = pl.Trainer(logger=False, accelerator="cpu", enable_checkpointing=False)
+    assert module._shared_step(batch)[1]["error_left"] == 0
+    module.training_step(batch, 0)
+    assert "error_left" not in module.values and module.values["delta"].isfinite()
+
+
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_a_fit_of_which_every_step_is_left_out_ends_with_a_sentence(
     monkeypatch: pytest.MonkeyPatch,
@@ -287,6 +341,32 @@ def test_a_schedule_begins_anew_at_its_restarts() -> None:
 def test_restarts_outside_of_the_schedule_are_refused(restarts: tuple[int, ...]) -> None:
     with pytest.raises(InputError, match=r"model\.restarts .* between 0 and model\.total_steps"):
         PoseActionModule(ActionNet(), total_steps=300, restarts=restarts)
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("learning_rate", -1.0, "above 0 and finite"),
+        ("learning_rate", float("nan"), "above 0 and finite"),
+        ("total_steps", 0, "1 or more"),
+        ("total_steps", -5, "1 or more"),
+        ("warmup_steps", -3, "0 or more and finite"),
+        ("weight_decay", -1e-4, "0 or more and finite"),
+        ("matching_steps", -1, "0 or more and finite"),
+    ],
+)
+def test_numbers_that_no_fit_has_are_refused(option: str, value: float, words: str) -> None:
+    with pytest.raises(InputError, match=rf"model\.{option} is {value}, must be {words}\."):
+        PoseActionModule(ActionNet(), **{option: value})
+
+
+@pytest.mark.parametrize("precision", ["bf16-true", "64-true"])
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_precisions_in_which_no_network_is_trained_are_refused(
+    source: PairSource, precision: str
+) -> None:
+    with pytest.raises(InputError, match=rf"trainer\.precision is {precision}, must be one of 32"):
+        trained(PoseActionModule(small()), source, 1, precision=precision)
 
 
 @pytest.mark.parametrize("minutes", [0.0, -1.0, float("nan")])

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 
+from moveit6d.errors import InputError
 from moveit6d.estimation import StopReason, Target, TrackingResult
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
@@ -132,19 +133,35 @@ def test_what_a_search_head_says_is_not_calibrated_with_the_line_of_another(
         for said in random.random((5, 400))
     ]
     told: dict[str, Any] = {}
-    monkeypatch.setattr(
-        tool, "PairDataModule", lambda **_: SimpleNamespace(mesh_paths=lambda: ((), [weights]))
-    )
+    held_out = SimpleNamespace(mesh_paths=lambda: ((), [weights]))
+    monkeypatch.setattr(tool, "data_of", lambda _: held_out)
+    monkeypatch.setattr(tool, "check_held_out", lambda _: None)
     monkeypatch.setattr(tool, "run_jobs", lambda *_, **__: [JobResult(0, kinds)])
     monkeypatch.setattr(tool, "report", lambda name, _, examples: told.update({name: examples}))
     monkeypatch.setattr(tool, "report_present", lambda _, examples: told.update(present=examples))
-    monkeypatch.setattr("sys.argv", [
-        "fit_probabilities", "--meshes", "none", "--photos", "none", "--weights", str(weights),
-        "--calibrated", str(tmp_path / "calibrated.safetensors"),
-    ])  # fmt: skip
-    tool.main()
+    given = ["--meshes", "none", "--photos", "none", "--weights", str(weights)]
+    tool.main([*given, "--calibrated", str(tmp_path / "calibrated.safetensors")])
     found, followed, _, present, uncoloured = kinds
     assert (told["VerificationConfig"] == tool.in_log_odds(found)) is head
     assert (told["present"] == tool.in_log_odds(present)) is head
     assert told["StateConfig"] != followed, "tracks ask the confidence that is calibrated"
     assert told["StateConfig, uncoloured"] != tool.in_log_odds(uncoloured), "all of them do"
+
+
+def test_without_examples_it_says_so(
+    tool: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    for name in ("a.glb", "b.glb", "c.glb"):
+        (tmp_path / name).touch()
+    given = ["--meshes", str(tmp_path), "--photos", str(tmp_path)]
+    with pytest.raises(InputError, match=r"data\.holdout is 1, .* 2 or more"):
+        tool.main([*given, "--holdout", "1"])
+    monkeypatch.setattr(tool, "run_jobs", lambda *_, **__: [JobResult(0, None, "it is too large")])
+    with pytest.raises(InputError, match="no examples"):
+        tool.main([*given, "--holdout", "2", "--mesh_unit", "mm"])
+    assert "a.glb teaches nothing: it is too large" in capsys.readouterr().out
+    none: list[list[Any]] = [[], [], [], [], []]
+    monkeypatch.setattr(tool, "run_jobs", lambda *_, **__: [JobResult(0, none)])
+    assert tool.main([*given, "--holdout", "2"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 5 and all("no examples" in line for line in lines)

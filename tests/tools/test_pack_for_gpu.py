@@ -84,3 +84,16 @@ def test_a_pack_that_is_too_large_says_so(
     monkeypatch.setattr(pack_for_gpu, "LIMIT", 2**20)
     with pytest.raises(InputError, match="pack is larger than the 1 MiB that"):
         main([*given, str(tmp_path / "pack")])
+
+
+def test_the_unit_of_the_meshes_goes_along(
+    given: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    box = trimesh.creation.box((50, 60, 70))
+    box.visual.face_colors = (90, 120, 30, 255)
+    box.export(tmp_path / "meshes" / "a_box.ply")
+    assert main([*given, str(tmp_path / "pack"), "--mesh_unit", "mm"]) == 0
+    monkeypatch.setattr(probe_gpu, "CUDA", torch.device("cpu"))
+    monkeypatch.setattr(probe_gpu, "BankRenderer", lambda bank: BankRenderer(bank, compiled()))
+    probe_gpu._compare(tmp_path / "pack")
+    assert (tmp_path / "pack" / "mesh_unit").read_text() == "mm"

@@ -40,7 +40,7 @@ DESCRIPTION = """\
   moveit6d benchmark recovery   loses objects and finds them again
   moveit6d benchmark motion     counts iterations by how fast an object moves
   moveit6d benchmark refinement   refines rendered objects from starts of a known distance
-  moveit6d benchmark iteration    times the parts of one iteration: crop, render, observe, network, move
+  moveit6d benchmark iteration    times the parts of one iteration: crop, render, network, …
   moveit6d benchmark oracle     proves the loop with a policy that knows the truth
 """
 

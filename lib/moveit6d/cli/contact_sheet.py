@@ -9,6 +9,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..errors import InputError
 from ..extras import require
 from .apart import check_apart, given_paths
 from .common import add_verb, positive, seed, use_threads
@@ -16,11 +17,14 @@ from .common import add_verb, positive, seed, use_threads
 if TYPE_CHECKING:
     from lightning_modules.pair_data_module import PairDataModule
 
+    from ..synthesis.training.pairs import TrainingBatch
+    from ..synthesis.training.source import PairSource
+
 DESCRIPTION = """\
 Draws training pairs as `moveit6d fit` would with the same configuration, and writes one PNG. Each
 pair is four patches: what the camera sees; the rendering of the start; what the camera sees with
 the outlines of the true pose (green) and of the start (red); and the object's mask, white where it
-can be seen, dark red where it is occluded.
+can be seen, dark red where it is occluded. With data.written, pairs of one of its shards.
 """
 
 EPILOG = """\
@@ -81,25 +85,52 @@ def data_of(args: argparse.Namespace) -> PairDataModule:
 
 def run(args: argparse.Namespace) -> int:
     """Draw the pairs and write the picture."""
-    import numpy as np
     from PIL import Image
 
     from ..io import replacing
     from ..synthesis.training.contact_sheet import contact_sheet
 
     use_threads(1)
-    source = data_of(args).source()
+    data = data_of(args)
     named = (Path(word.partition("=")[2]) for word in args.set)
     read = [*given_paths(args, "output"), *filter(Path.is_file, named)]
-    read += [*source.meshes, *source.occluders]
-    folders = [] if source.photos is None else [source.photos]
-    check_apart({"--output": (args.output,)}, read, folders)
-    random = np.random.default_rng(args.seed)
-    photos, meshes = source.load_photos(random), source.load_meshes()
-    meshes += source.make_shapes(random, photos, meshes)
-    generator = source.generator(random, photos, meshes, source.load_occluders())
-    sheet = contact_sheet(generator.batch(args.count, args.cluster), args.across)
+    if data.written is not None:
+        check_apart({"--output": (args.output,)}, read, [data.written])
+        batch = _written(data, data.written, args)
+    else:
+        source = data.source()
+        read += [*source.meshes, *source.occluders]
+        folders = [] if source.photos is None else [source.photos]
+        check_apart({"--output": (args.output,)}, read, folders)
+        batch = _drawn(source, args)
+    sheet = contact_sheet(batch, args.across)
     with replacing(args.output) as temporary:
         Image.fromarray(sheet).save(temporary, format="png")
     print(args.output)
     return 0
+
+
+def _drawn(source: PairSource, args: argparse.Namespace) -> TrainingBatch:
+    import numpy as np
+
+    random = np.random.default_rng(args.seed)
+    photos, meshes = source.load_photos(random), source.load_meshes()
+    meshes += source.make_shapes(random, photos, meshes)
+    generator = source.generator(random, photos, meshes, source.load_occluders())
+    return generator.batch(args.count, args.cluster)
+
+
+def _written(data: PairDataModule, folder: Path, args: argparse.Namespace) -> TrainingBatch:
+    from lightning_modules.pair_streams import WrittenStream
+
+    from ..synthesis.training.shards import open_shards
+
+    if args.cluster is not None:
+        raise InputError("--cluster is for pairs that are drawn, and data.written is set.")
+    plan, _ = open_shards(folder)
+    most = plan.batches * plan.batch_size
+    if args.count > most:
+        raise InputError(
+            f"--count is {args.count}, and a shard of {folder} holds {most} pairs: give fewer."
+        )
+    return next(iter(WrittenStream(folder, args.count, args.seed, 0, 0, 1, data.dihedral)))

@@ -46,8 +46,12 @@ def forward(arguments: Sequence[str]) -> int:
     require("train", "moveit6d fit")
     from lightning_modules.cli import main
 
-    words = [spelt(word) for word in arguments]
-    set_level(any(word in QUIETLY for word in words), any(word in VERBOSELY for word in words))
-    words = [word for word in words if word not in (*QUIETLY, *VERBOSELY)]
-    main(["--help" if word == "--all_options" else word for word in words])
+    set_level(*(any(word in some for word in arguments) for some in (QUIETLY, VERBOSELY)))
+    main(["--help" if word == "--all_options" else word for word in trainer_words(arguments)])
     return 0
+
+
+def trainer_words(arguments: Sequence[str]) -> list[str]:
+    """The arguments as the trainer's command line spells them, without those that are not its."""
+    words = [spelt(word) for word in arguments]
+    return [word for word in words if word not in (*QUIETLY, *VERBOSELY)]

@@ -138,7 +138,7 @@ class TrackState:
         if self.mesh.symmetries.is_trivial:
             return centred
         pose, last = self.mesh.outer(centred), self.pose
-        return self.mesh.inner(nearest_equivalent(pose, last, self.mesh.symmetries))
+        return self.mesh.inner(nearest_equivalent(pose, last, self.mesh.closed_symmetries))
 
     def update_histograms(self, histograms: ColourHistograms | None) -> None:
         """Blend in the colours of a frame, if there are any and its confidence was not low."""

@@ -168,11 +168,13 @@ class Mesh:
 
     @cached_property
     def motions(self) -> NDArray[np.float64]:
-        """Motions (S, 4, 4) of the centred frame that leave its looks unchanged, identity first.
+        """Motions (S, 4, 4) of the centred frame that leave its looks unchanged, identity first."""
+        return self.closed_symmetries.centred(self.center)
 
-        With all products of those declared, wherever they were: `Symmetries.closed`.
-        """
-        return self.symmetries.closed().centred(self.center)
+    @cached_property
+    def closed_symmetries(self) -> Symmetries:
+        """With all products of the declared ones, wherever they were (`Symmetries.closed`)."""
+        return self.symmetries.closed()
 
     @cached_property
     def half_turns(self) -> NDArray[np.float64]:

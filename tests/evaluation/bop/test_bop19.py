@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -215,10 +216,17 @@ def test_targets_from_a_file_and_without(dataset: BopDataset, tmp_path: Path) ->
         score_bop19(dataset, [Estimate(3, 1, 7, 1.0, at(0))], listed)
 
 
+def test_the_targets_of_the_test_split_are_no_other_s(dataset: BopDataset, tmp_path: Path) -> None:
+    root = tmp_path / "set"
+    shutil.copytree(dataset.root, root)
+    (root / dataset.split).rename(root / "val")
+    (root / "test_targets_bop19.json").write_text("[]")
+    assert targets_of(BopDataset(root, "val")) == targets_of(dataset)
+
+
 def test_depth_that_is_missing_or_of_another_size_is_said(
     dataset: BopDataset, renderer: Renderer, tmp_path: Path
 ) -> None:
-    import shutil
 
     from PIL import Image
 

@@ -80,11 +80,12 @@ class Bop19Score:
 def targets_of(dataset: BopDataset, name: str | None = None) -> list[BopTarget]:
     """What is to be found: the named file, else `test_targets_bop19.json`, else what is visible.
 
-    Without a file these are all instances of which at least 10 % can be seen, as in
-    bop_toolkit's enumerate_test_targets.py. `InputError` for detection targets, which name no
-    objects.
+    The file is that of the test splits. Without one these are all instances of which at least 10 %
+    can be seen, as in bop_toolkit's enumerate_test_targets.py. `InputError` for detection targets,
+    which name no objects.
     """
-    if name is None and not (dataset.root / TARGETS).is_file():
+    known = dataset.split.startswith("test") and (dataset.root / TARGETS).is_file()
+    if name is None and not known:
         return [target for scene in dataset.scenes() for target in _visible_in(dataset, scene)]
     targets = dataset.targets(TARGETS if name is None else name)
     if any(target.object is None or target.count is None for target in targets):

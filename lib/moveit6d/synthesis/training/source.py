@@ -118,16 +118,19 @@ class PairSource:
         return _digest(self.facts())
 
     def _photo_sizes(self) -> list[tuple[str, int]]:
-        if self.photos is None:
-            return []
-        if not self.photos.is_dir():
-            raise InputError(f"Photo folder {self.photos} does not exist.")
-        paths = sorted(self.photos.iterdir())
-        return [(p.name, p.stat().st_size) for p in paths if p.suffix.lower() in PHOTO_SUFFIXES]
+        paths = [] if self.photos is None else photo_files(self.photos)
+        return [(path.name, path.stat().st_size) for path in paths]
 
 
 def _digest(value: Any) -> str:
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+
+
+def photo_files(folder: Path) -> list[Path]:
+    """Pictures of a folder in order of their names, maybe damaged ones among them."""
+    if not folder.is_dir():
+        raise InputError(f"Photo folder {folder} does not exist.")
+    return sorted(path for path in folder.iterdir() if path.suffix.lower() in PHOTO_SUFFIXES)
 
 
 def mesh_files(folder: Path) -> list[Path]:
