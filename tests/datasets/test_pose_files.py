@@ -201,6 +201,40 @@ def test_names_that_are_not_utf8_are_written(tmp_path: Path) -> None:
     assert read_poses(tmp_path / "poses.csv")[0].image == "frame\\udce4.png"
 
 
+@pytest.mark.parametrize("place", [0, 3, 99])
+def test_columns_that_somebody_added_stay_and_shift_nothing(tmp_path: Path, place: int) -> None:
+    path = tmp_path / "poses.csv"
+    write_poses(path, [PoseRow(0, pose=some_pose(), state="tracking")])
+    lines = [line.split(",") for line in path.read_text().splitlines()]
+    for cells, more in zip(lines, ("note", "good"), strict=True):
+        cells.insert(place, more)
+    path.write_text("".join(",".join(cells) + "\n" for cells in lines))
+    with PoseWriter(path, resume=True) as table:
+        table.write(PoseRow(1, pose=some_pose(0.2), state="lost"))
+    first, second = read_poses(path)
+    assert (first.state, second.frame, second.state) == ("tracking", 1, "lost")
+    assert second.pose is not None
+    assert torch.equal(second.pose.translation, some_pose(0.2).translation)
+
+
+def test_a_file_without_a_header_is_begun_anew_and_one_with_another_is_refused(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "poses.csv"
+    for content in ("", "frame,ima"):
+        path.write_text(content)
+        with PoseWriter(path, resume=True) as table:
+            table.write(PoseRow(0, pose=some_pose()))
+        assert len(read_poses(path)) == 1
+    path.write_text("frame,x\n0,1\n")
+    with (
+        pytest.raises(InputError, match="its header has no column r11"),
+        PoseWriter(path, resume=True),
+    ):
+        pass
+    assert path.read_text() == "frame,x\n0,1\n"
+
+
 def test_tables_that_call_the_iterations_steps_are_read_and_gone_on_with(tmp_path: Path) -> None:
     path = tmp_path / "poses.csv"
     write_poses(path, [PoseRow(0, pose=some_pose(), iterations=3)])

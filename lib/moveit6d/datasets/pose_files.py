@@ -98,17 +98,29 @@ class PoseWriter:
     def __enter__(self) -> PoseWriter:
         check_writable(self.path)
         if self.resume and self.path.is_file():
-            self._file = self.path.open("r+b", buffering=0)
-            content = self._file.read()
-            self._end = content.rfind(b"\n") + 1
-            self._file.truncate(self._end)
-            self._file.seek(self._end)
-            first = content[: content.find(b"\n") + 1].decode("utf-8", errors="replace")
-            names = (column.strip() for column in first.split(","))
-            there = tuple(FORMER.get(name, name) for name in names)
-            if set(there) <= set(self.columns):
-                self.columns = there
+            self._go_on(self.path.read_bytes())
         return self
+
+    def _go_on(self, content: bytes) -> None:
+        """Open the file behind its whole rows; `InputError` if its header is no table's.
+
+        Without a whole header it is begun anew.
+        """
+        self._end = content.rfind(b"\n") + 1
+        if self._end == 0:
+            return
+        first = content[: content.find(b"\n")].decode("utf-8-sig", errors="replace")
+        names = (column.strip() for column in first.split(","))
+        self.columns = tuple(FORMER.get(name, name) for name in names)
+        missing = [column for column in ("frame", *POSE_COLUMNS) if column not in self.columns]
+        if missing:
+            raise InputError(
+                f"{self.path}: its header has no column {', '.join(missing)}; leave out --resume "
+                "to begin anew, or give another --output."
+            )
+        self._file = self.path.open("r+b", buffering=0)
+        self._file.truncate(self._end)
+        self._file.seek(self._end)
 
     def write(self, row: PoseRow) -> None:
         """Append one row."""
@@ -259,7 +271,7 @@ def _cell(row: PoseRow, column: str) -> str:
         index = POSE_COLUMNS.index(column)
         flat = row.pose.rotation.reshape(9) if index < 9 else row.pose.translation
         return f"{float(flat[index % 9]):.10g}"
-    value = getattr(row, column)
+    value = getattr(row, column, None)  # a column that somebody added stays empty
     if value is None:
         return ""
     if isinstance(value, bool):
