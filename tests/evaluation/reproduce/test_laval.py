@@ -32,9 +32,7 @@ def a_track(video: Sequence, shift: float, vector: list[float], frames: int = 4)
     truth = Pose.identity(frames)
     apart = torch.tensor([shift, 0, 0], dtype=torch.float64).expand(frames, 3)
     estimate = Pose(turn.expand(frames, 3, 3), apart)
-    return ScoredTrack(
-        video, tuple(range(frames)), estimate, truth, 0, (1,) * frames, (1.0,) * frames
-    )
+    return ScoredTrack(video, tuple(range(frames)), estimate, truth, (1,) * frames, (1.0,) * frames)
 
 
 # What the table does not look at.

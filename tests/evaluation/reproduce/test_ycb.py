@@ -31,7 +31,7 @@ def video(make_sequence: Callable[..., Any]) -> Sequence:
 
 
 def a_track(video: Sequence, estimate: Pose) -> ScoredTrack:
-    return ScoredTrack(video, tuple(range(N)), estimate, TRUTH, 0, (1,) * N, (1.0,) * N)
+    return ScoredTrack(video, tuple(range(N)), estimate, TRUTH, (1,) * N, (1.0,) * N)
 
 
 def cells(reproduction: Any, table: int, row: str) -> dict[str, Any]:
