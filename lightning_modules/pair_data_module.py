@@ -18,6 +18,7 @@ from torch.utils.data import DataLoader, Dataset, IterableDataset
 
 from moveit6d.config.ranges import RANGES
 from moveit6d.errors import InputError
+from moveit6d.geometry.mesh import Unit
 from moveit6d.networks.weights_file import WEIGHTS_NAME, load_network
 from moveit6d.observation import Observation
 from moveit6d.synthesis.training.pairs import PairConfig, TrainingBatch
@@ -37,7 +38,7 @@ class PairDataModule(pl.LightningDataModule):
 
     Args:
         meshes: folder of training meshes, or None for random shapes alone.
-        mesh_unit: unit of those meshes.
+        mesh_unit: unit of those meshes: m, cm, mm or in.
         holdout: how many of them (evenly spread) validate instead of training.
         photos: folder of background photographs, or None for generated pictures.
         photo_limit: photographs kept in memory at most.
@@ -66,7 +67,7 @@ class PairDataModule(pl.LightningDataModule):
     def __init__(
         self,
         meshes: Path | None = None,
-        mesh_unit: Literal["m", "mm"] = "m",
+        mesh_unit: Unit = "m",
         holdout: int = 8,
         photos: Path | None = None,
         photo_limit: int | None = None,

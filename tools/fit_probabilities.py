@@ -42,10 +42,10 @@ from moveit6d.networks.weights_file import load_network, save_network
 from moveit6d.parallel import run_jobs
 from moveit6d.policies import SHIPPED_WEIGHTS, NetworkPolicy
 from moveit6d.rendering.renderer import Renderer
+from moveit6d.synthesis.augmentation.photos import photo_files
 from moveit6d.synthesis.sequences.sequence import Scene
 from moveit6d.synthesis.single_images import make_cases
 from moveit6d.synthesis.training.clusters import ClusterConfig, draw_delta
-from moveit6d.synthesis.training.source import photo_files
 from tools.scenes import of_size, relative_error, spoilt, spoilt_picture, table
 from tools.tracked_frames import (
     DIFFICULTIES,

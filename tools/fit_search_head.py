@@ -42,7 +42,7 @@ from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.weights_file import load_network, save_network
 from moveit6d.parallel import run_jobs
 from moveit6d.policies import SHIPPED_WEIGHTS
-from moveit6d.synthesis.training.source import photo_files
+from moveit6d.synthesis.augmentation.photos import photo_files
 from tools.search_outcomes import Outcomes, Task, outcomes_of, without_search_head
 from tools.training_files import add_options, data_of
 

@@ -20,6 +20,7 @@ import numpy as np
 import torch
 from PIL import Image
 
+from moveit6d.cli.common import UNITS
 from moveit6d.errors import InputError
 from moveit6d.geometry.crop import look_at
 from moveit6d.geometry.mesh import Mesh, Unit, sphere_diameters
@@ -44,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("meshes", type=Path)
     parser.add_argument("photos", type=Path)
     parser.add_argument("output", type=Path)
-    parser.add_argument("--mesh_unit", choices=("m", "mm"), default="m", help="of the meshes")
+    parser.add_argument("--mesh_unit", choices=UNITS, default="m", help="of the meshes")
     parser.add_argument("--wheels", type=Path, help="folder of .whl files to install there")
     args = parser.parse_args(arguments)
     _refuse_foreign(args.output)

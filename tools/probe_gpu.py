@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import torch
@@ -68,7 +69,9 @@ def main(folder: Path, output: Path) -> None:
 
 def _unit(folder: Path) -> Unit:
     """Of the pack's meshes."""
-    return "mm" if (folder / "mesh_unit").read_text(encoding="utf-8") == "mm" else "m"
+    said, units = (folder / "mesh_unit").read_text(encoding="utf-8"), get_args(Unit)
+    found: Unit = units[units.index(said)]
+    return found
 
 
 def _compare(folder: Path) -> None:

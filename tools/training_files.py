@@ -11,20 +11,19 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
 
 from lightning_modules.cli import read_data
 from lightning_modules.pair_data_module import PairDataModule
+from moveit6d.cli.common import UNITS
 from moveit6d.cli.fit import trainer_words
-from moveit6d.datasets.video import read_image
 from moveit6d.errors import InputError
+from moveit6d.synthesis.augmentation.photos import read_photos
+from moveit6d.synthesis.sequences.environment import background_size
+from moveit6d.synthesis.sequences.sequence import SEQUENCE_CAMERA
+from moveit6d.typing import RGBImage
 
 LEAST_HELD_OUT = 2  # an object in the picture, and one that is not there
-SMALLEST = 64  # pixels, of a photograph's side, as for a fit
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -47,7 +46,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def add_mesh_unit(parser: argparse.ArgumentParser) -> None:
     """The option for the unit of mesh files."""
-    parser.add_argument("--mesh_unit", choices=("m", "mm"), default="m", help="unit of the meshes")
+    parser.add_argument("--mesh_unit", choices=UNITS, default="m", help="unit of the meshes")
 
 
 def data_of(args: argparse.Namespace) -> PairDataModule:
@@ -65,18 +64,9 @@ def check_held_out(data: PairDataModule) -> None:
         )
 
 
-def read_photographs(paths: Sequence[Path]) -> list[NDArray[np.uint8]]:
-    """The photographs that can be read and are large enough, as a fit takes them."""
-    found = []
-    for path in paths:
-        with suppress(InputError):
-            found.append(read_image(path))
-    found = [one for one in found if min(one.shape[:2]) >= SMALLEST]
-    if not found:
-        raise InputError(
-            f"None of {len(paths)} photographs is a readable picture of {SMALLEST} pixels or more."
-        )
-    return found
+def read_photographs(paths: Sequence[Path]) -> list[RGBImage]:
+    """The photographs that can be used, as large as the background of a frame needs them."""
+    return read_photos(paths, background_size(SEQUENCE_CAMERA), f"The list of {len(paths)} photos")
 
 
 if __name__ == "__main__":

@@ -54,6 +54,30 @@ def test_several_sequences_are_numbered_and_differ(
     assert [int(photo[0, 0, 0]) for photo in first["photos"]] == [0, 1, 2]
 
 
+def test_photos_are_no_larger_than_a_background(
+    asked: list[tuple[Path, dict[str, Any]]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: Any,
+) -> None:
+    monkeypatch.setattr("moveit6d.cli.synthesize.PHOTOS", 2)
+    for number, size in enumerate([(1800, 1400), (90, 90), (70, 80)]):
+        Image.new("RGB", size, (number, 0, 0)).save(tmp_path / f"{number}.png")
+    command = ["synthesize", "--output", "clip", "--photos", str(tmp_path)]
+    assert main(command) == 0
+    large, small = asked[0][1]["photos"]
+    assert large.shape == (round(1400 * 896 / 1800), 896, 3) and small.shape == (80, 70, 3)
+    assert large[0, 0, 0] == 0 and small[0, 0, 0] == 2, "evenly chosen"
+    assert "left out" not in capsys.readouterr().err
+    (tmp_path / "2.png").write_bytes(b"no picture")
+    assert main(command) == 0 and len(asked[1][1]["photos"]) == 1
+    assert "1 of 2 pictures are left out" in capsys.readouterr().err
+    for name in ("0.png", "1.png"):
+        (tmp_path / name).unlink()
+    assert main(command) == 2 and len(asked) == 2, "not procedural pictures instead"
+    assert "holds no readable picture of 64 pixels or more" in capsys.readouterr().err
+
+
 def test_every_mesh_has_a_sequence(
     asked: list[tuple[Path, dict[str, Any]]], brick_file: Path, tmp_path: Path, capsys: Any
 ) -> None:
@@ -104,6 +128,19 @@ def test_a_laval_surrogate_has_the_meshes_and_levels(
     assert (options.frames, options.difficulty, options.seed) == (9, "easy", 5)
     assert list(levels) == [0, 60] and list(usual) == [0, 15, 30, 45]
     assert capsys.readouterr().out == "data\ndata\n"
+
+
+def test_no_mesh_of_a_surrogate_takes_the_name_of_another(
+    surrogates: list[tuple[Any, ...]], brick_file: Path, tmp_path: Path
+) -> None:
+    meshes = [tmp_path / place / name for place in "ab" for name in ("box.ply", "box_2.ply")]
+    for mesh in meshes:
+        mesh.parent.mkdir(exist_ok=True)
+        mesh.write_bytes(brick_file.read_bytes())
+    command = ["synthesize", "--format", "laval", "--output", "data", "--mesh", *map(str, meshes)]
+    assert main(command) == 0
+    ((_, objects, *_),) = surrogates
+    assert list(objects) == ["box", "box_2", "box_3", "box_2_3"]
 
 
 def test_a_ycbv_surrogate_has_another_object_in_the_middle_of_each_scene(

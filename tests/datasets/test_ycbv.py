@@ -11,6 +11,7 @@ import pytest
 from scipy.io import savemat
 
 from moveit6d.datasets import ycbv
+from moveit6d.datasets.catalog import open_dataset
 from moveit6d.datasets.ycbv import read_keyframes, read_meta, read_ycbv, write_ycbv_scene
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
@@ -61,6 +62,22 @@ def test_scenes_can_be_named(root: Path) -> None:
     assert read_ycbv(root, [2])[0].keyframes is None
     with pytest.raises(InputError, match="none of the scenes 7; scenes there: 2, 48"):
         read_ycbv(root, [7])
+
+
+def test_what_is_not_there_is_counted(root: Path, caplog: pytest.LogCaptureFixture) -> None:
+    open_dataset(root)
+    assert not caplog.messages
+    keyframes = ["0048/000001", "0048/000003", "0048/000009", "0050/000001", "0051/000002"]
+    (root / "keyframe.txt").write_text("\n".join(keyframes))
+    assert [one.keyframes for one in open_dataset(root)] == [{2}, {0, 2}]
+    said = "not complete: 2 of 3 scenes and 3 of 5 keyframes are not there, and left out of figures"
+    assert caplog.messages == [f"{root} is {said}"]
+    caplog.clear()
+    (root / "data" / "0048" / "000003-meta.mat").unlink()  # the image alone has no true pose
+    assert [one.keyframes for one in read_ycbv(root, [48])] == [set(), {0}]
+    assert caplog.messages == [
+        f"{root} is not complete: 2 of 3 keyframes are not there, and left out of figures"
+    ]
 
 
 def test_official_quirks_of_meta_files(tmp_path: Path) -> None:

@@ -86,14 +86,15 @@ def test_a_pack_that_is_too_large_says_so(
         main([*given, str(tmp_path / "pack")])
 
 
+@pytest.mark.parametrize(("unit", "size"), [("mm", 10), ("cm", 1)])
 def test_the_unit_of_the_meshes_goes_along(
-    given: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    given: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unit: str, size: int
 ) -> None:
-    box = trimesh.creation.box((50, 60, 70))
+    box = trimesh.creation.box((5 * size, 6 * size, 7 * size))
     box.visual.face_colors = (90, 120, 30, 255)
     box.export(tmp_path / "meshes" / "a_box.ply")
-    assert main([*given, str(tmp_path / "pack"), "--mesh_unit", "mm"]) == 0
+    assert main([*given, str(tmp_path / "pack"), "--mesh_unit", unit]) == 0
     monkeypatch.setattr(probe_gpu, "CUDA", torch.device("cpu"))
     monkeypatch.setattr(probe_gpu, "BankRenderer", lambda bank: BankRenderer(bank, compiled()))
     probe_gpu._compare(tmp_path / "pack")
-    assert (tmp_path / "pack" / "mesh_unit").read_text() == "mm"
+    assert (tmp_path / "pack" / "mesh_unit").read_text() == unit

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from moveit6d.errors import InputError
-from moveit6d.synthesis.training.source import photo_files
+from moveit6d.synthesis.augmentation.photos import photo_files
 from tests.support.pairs import CONFIGS, photos
 from tools.search_outcomes import Task, outcomes_of
 from tools.training_files import add_options, data_of, main, read_photographs
@@ -26,19 +26,21 @@ def fit(tmp_path: Path) -> list[str]:
     return ["--config", str(CONFIGS / "fit" / "compact.yaml"), f"--data.meshes={tmp_path}"]
 
 
+@pytest.mark.parametrize("unit", ["mm", "cm", "in"])
 def test_unit_and_held_out_meshes_are_those_of_the_fit(
-    fit: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    fit: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], unit: str
 ) -> None:
     mine = tmp_path / "mine.yaml"
-    mine.write_text("data:\n  mesh_unit: mm\n", encoding="utf-8")
+    mine.write_text(f"data:\n  mesh_unit: {unit}\n", encoding="utf-8")
     assert main([*fit, "--config", str(mine), "--data.holdout", "3", "--quiet"]) == 0
     printed = capsys.readouterr().out.split()
-    assert printed == ["--mesh_unit", "mm", "--holdout", "3"]
+    assert printed == ["--mesh_unit", unit, "--holdout", "3"]
     parser = argparse.ArgumentParser()
     add_options(parser)
     folders = ["--meshes", str(tmp_path), "--photos", str(tmp_path)]
     data = data_of(parser.parse_args([*folders, *printed]))
-    assert data.mesh_unit == "mm" and [p.stem for p in data.mesh_paths()[1]] == ["02", "06", "10"]
+    assert data.source().mesh_unit == unit
+    assert [path.stem for path in data.mesh_paths()[1]] == ["02", "06", "10"]
 
 
 @pytest.mark.parametrize(
@@ -61,7 +63,7 @@ def test_pictures_are_those_that_a_fit_reads(tmp_path: Path) -> None:
     assert [path.name for path in found] == ["a.jpg", "b.png", "small.png"]
     (only,) = read_photographs(found)
     assert np.array_equal(only, photos()[0])
-    with pytest.raises(InputError, match="None of 1 photographs is a readable picture"):
+    with pytest.raises(InputError, match="list of 1 photos holds no readable picture"):
         outcomes_of(Task(0, (), (tmp_path / "a.jpg",), tmp_path / "weights"))
     with pytest.raises(InputError, match=r"Photo folder .*nowhere does not exist"):
         photo_files(tmp_path / "nowhere")

@@ -90,7 +90,7 @@ def test_without_truth_confidence_says_what_is_bad(run: Run) -> None:
     page = report_page(run, make_renderer())
     assert order(page)[:2] == [5, 3] and order(page)[-1] == 0 and len(order(page)) == 8
     assert worst_pictures(page)[:2] == [5, 3]
-    assert "ADD" not in page and "max_iterations" in page and "30 steps" in page
+    assert "ADD" not in page and "max_iterations" in page and "30 iterations" in page
     assert sorted(re.findall(r'<tr class="bad" id="f(\d)"', page)) == ["3", "5"]
 
 

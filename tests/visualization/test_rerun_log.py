@@ -86,6 +86,8 @@ def test_a_frame_without_a_picture_or_a_true_pose_shows_none(scene: Any, tmp_pat
     found = read_back(path)
     for place in ("/camera/image", "/camera/truth"):
         assert list(found[place]["Clear:is_recursive"]) == [1], place
+    # A `Clear` at a time takes away nothing that is logged as static.
+    assert sorted(found["/camera/truth"]["Boxes3D:centers"]) == [0, 2]
 
 
 @pytest.mark.filterwarnings("ignore")

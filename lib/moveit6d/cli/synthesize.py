@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +17,8 @@ from .common import UNITS, add_untextured_option, add_verb, check_mesh_options, 
 from .messages import progress_bar
 
 if TYPE_CHECKING:
-    from ..datasets.video import Image
     from ..geometry.mesh import Mesh
+    from ..typing import RGBImage
 
 DESCRIPTION = """\
 Renders objects in hand-like motion in front of a moving background, with motion blur,
@@ -86,7 +87,10 @@ def add_parser(verbs: Any) -> None:
         help="shares of the object that are hidden, for laval (default: 0 15 30 45)",
     )
     parser.add_argument(
-        "--photos", type=Path, metavar="DIR", help="backgrounds instead of procedural pictures"
+        "--photos",
+        type=Path,
+        metavar="DIR",
+        help=f"backgrounds instead of procedural pictures ({PHOTOS} at most, evenly chosen)",
     )
     add_untextured_option(parser)
     parser.set_defaults(run=run)
@@ -130,18 +134,20 @@ def _folders(args: argparse.Namespace) -> list[Path]:
     return [args.output / f"{args.difficulty}_{number:02d}" for number in range(count)]
 
 
-def _photos(args: argparse.Namespace) -> list[Image] | None:
-    """The pictures of --photos, up to `PHOTOS` of them."""
-    from ..datasets.video import open_frames
+def _photos(args: argparse.Namespace) -> list[RGBImage] | None:
+    """The pictures of --photos, up to `PHOTOS` of them, no larger than a background needs."""
+    from ..synthesis.augmentation.photos import load_photos
+    from ..synthesis.sequences.environment import background_size
+    from ..synthesis.sequences.sequence import SEQUENCE_CAMERA
 
     if args.photos is None:
         return None
-    found = itertools.islice(open_frames(args.photos / "*"), PHOTOS)
-    return [frame.image for frame in found if frame.image is not None]
+    # Frames of all formats are as large.
+    return load_photos(args.photos, PHOTOS, background_size(SEQUENCE_CAMERA))
 
 
 def make_folder(
-    args: argparse.Namespace, folder: Path, number: int, photos: list[Image] | None
+    args: argparse.Namespace, folder: Path, number: int, photos: list[RGBImage] | None
 ) -> None:
     """Make one sequence folder, of the given meshes in turn."""
     from ..synthesis.sequences.sequence import write_sequence
@@ -160,7 +166,7 @@ def make_folder(
         )
 
 
-def make_surrogate(args: argparse.Namespace, photos: list[Image] | None) -> None:
+def make_surrogate(args: argparse.Namespace, photos: list[RGBImage] | None) -> None:
     """Make a whole data set in the format of a published one."""
     from ..synthesis.sequences import surrogate_datasets
 
@@ -168,8 +174,7 @@ def make_surrogate(args: argparse.Namespace, photos: list[Image] | None) -> None
     objects: dict[str, Mesh] = {}
     for number in range(count):
         mesh = _mesh(args, number if args.mesh else args.seed + number)
-        name = surrogate_datasets.object_name(mesh)
-        objects[name if name not in objects else f"{name}_{number}"] = mesh
+        objects[_free_name(surrogate_datasets.object_name(mesh), number, objects)] = mesh
     levels = args.occlusion if args.occlusion is not None else surrogate_datasets.OCCLUSIONS
     laval, scenes_wanted = args.format == "laval", args.count or 1
     sequences = count * len(surrogate_datasets.laval_kinds(levels)) if laval else scenes_wanted
@@ -186,6 +191,12 @@ def make_surrogate(args: argparse.Namespace, photos: list[Image] | None) -> None
             ]
             scenes = [{name: objects[name] for name in names} for names in turns]
             surrogate_datasets.write_ycbv_surrogate(args.output, scenes, options)
+
+
+def _free_name(name: str, number: int, taken: Collection[str]) -> str:
+    """The name, or else with the first number from `number` on that nobody has."""
+    names = (f"{name}_{other}" for other in itertools.count(number))
+    return next(other for other in itertools.chain([name], names) if other not in taken)
 
 
 def _mesh(args: argparse.Namespace, number: int) -> Mesh:

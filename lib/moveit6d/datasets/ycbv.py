@@ -11,7 +11,8 @@ names, from 0 in `Sequence`. The lens is not quite a pinhole, which everybody ig
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import logging
+from collections.abc import Collection, Iterable, Mapping
 from collections.abc import Sequence as List
 from pathlib import Path
 from typing import Any
@@ -51,12 +52,15 @@ MESHES = ("textured_simple.obj", "textured.obj")
 META = ("cls_indexes", "poses", "intrinsic_matrix")
 POINTS = 2620  # evaluation points an object, as the published ones have
 
+LOG = logging.getLogger("moveit6d")
+
 
 def read_ycbv(path: str | Path, scenes: Iterable[int] | None = None) -> list[Sequence]:
     """One sequence an object and scene, named `0048.035_power_drill`, grouped by object.
 
     `scenes` are those of keyframe.txt (the test set) where it is there, else all. `truth` holds
-    every frame of the video in which the object occurs, `keyframes` those that are scored.
+    every frame of the video in which the object occurs, `keyframes` those that are scored. A
+    warning says how many scenes and keyframes are not there, as after half a download.
     """
     path = Path(path)
     if not is_ycbv(path):
@@ -75,6 +79,7 @@ def read_ycbv(path: str | Path, scenes: Iterable[int] | None = None) -> list[Seq
             f"{path}/data holds none of the scenes {', '.join(map(str, sorted(wanted)))}; "
             f"scenes there: {', '.join(map(str, sorted(there))) or 'none'}."
         )
+    _warn_of_missing(path, wanted, there, keyframes)
     return found
 
 
@@ -212,6 +217,24 @@ def _read_scene(
             )
         )
     return sequences
+
+
+def _warn_of_missing(
+    path: Path, wanted: set[int], there: Collection[int], keyframes: Mapping[int, List[int]]
+) -> None:
+    """Say how many of the wanted scenes and of their keyframes are not there, and not scored."""
+    scenes = wanted - set(there)
+    listed = [(scene, image) for scene in wanted for image in keyframes.get(scene, ())]
+    images = [
+        (scene, image)
+        for scene, image in listed
+        if not (path / "data" / f"{scene:04d}" / f"{image:06d}-meta.mat").is_file()
+    ]
+    missing = [f"{len(scenes)} of {len(wanted)} scenes"] if scenes else []
+    missing += [f"{len(images)} of {len(listed)} keyframes"] if images else []
+    if missing:
+        text = " and ".join(missing)
+        LOG.warning("%s is not complete: %s are not there, and left out of figures", path, text)
 
 
 def _images(folder: Path) -> list[Path]:

@@ -204,7 +204,7 @@ def _says(run: Run, frame: int) -> str:
     if row.confidence is not None:
         words.append(f"confidence {row.confidence:.2f}")
     if row.iterations is not None:
-        words.append("1 step" if row.iterations == 1 else f"{row.iterations} steps")
+        words.append(f"{row.iterations} iteration{'s' if row.iterations != 1 else ''}")
     if row.stopped_by and row.pose is not None:
         words.append(row.stopped_by)
     return ", ".join(words) if words else "given"

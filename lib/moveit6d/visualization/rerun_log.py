@@ -49,7 +49,7 @@ class RerunLog:
         self._place = replacing(self.path)
         self._stream: Any = None
         self._empty = True
-        self._shown = False
+        self._shown: set[str] = set()  # entities
 
     def __enter__(self) -> RerunLog:
         rr = self._rerun
@@ -70,8 +70,6 @@ class RerunLog:
         )
         self._stream.log("camera", rr.ViewCoordinates.RDF, static=True)
         self._stream.log(VIEW, lens, static=True)
-        if self.truth:
-            self._stream.log(TRUTH, _edges(rr, self.mesh), static=True)
         return self
 
     def write(self, frame: VideoFrame, row: PoseRow, error: str | None = None) -> None:
@@ -86,11 +84,8 @@ class RerunLog:
             stream.log(VIEW, rr.Image(np.ascontiguousarray(flat)).compress(JPEG_QUALITY))
         else:
             stream.log(VIEW, rr.Clear(recursive=False))  # not the picture before
-        self._object(row.pose)
-        if frame.index in self.truth:
-            stream.log(TRUTH, _transform(rr, self.truth[frame.index]))
-        elif self.truth:
-            stream.log(TRUTH, rr.Clear(recursive=False))
+        self._show(OBJECT, row.pose)
+        self._show(TRUTH, self.truth.get(frame.index))
         for name in CURVES:
             value = getattr(row, name)
             if value is not None:
@@ -120,18 +115,19 @@ class RerunLog:
         else:
             self._place.__exit__(None, None, None)
 
-    def _object(self, pose: Pose | None) -> None:
-        """Where the object is now; nothing is shown while there is no pose."""
+    def _show(self, entity: str, pose: Pose | None) -> None:
+        """Where the object, or its true box, is now; nothing is shown while there is no pose."""
         rr, stream = self._rerun, self._stream
         if pose is None:
-            if self._shown:
-                stream.log(OBJECT, rr.Clear(recursive=False))
-            self._shown = False
+            if entity in self._shown:
+                stream.log(entity, rr.Clear(recursive=False))
+            self._shown.discard(entity)
             return
-        stream.log(OBJECT, _transform(rr, pose))
-        if not self._shown:
-            stream.log(OBJECT, _surface(rr, self.mesh))
-        self._shown = True
+        stream.log(entity, _transform(rr, pose))
+        if entity not in self._shown:  # not static: a `Clear` takes away only what has a time
+            draw = _surface if entity == OBJECT else _edges
+            stream.log(entity, draw(rr, self.mesh))
+        self._shown.add(entity)
 
 
 def _load() -> ModuleType:

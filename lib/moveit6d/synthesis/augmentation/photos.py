@@ -5,41 +5,77 @@ Never augments and never renders.
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
+from ...datasets.video import IMAGE_SUFFIXES, read_image
 from ...errors import InputError
+from ...typing import RGBImage
 
-PHOTO_SUFFIXES = {".jpg", ".jpeg", ".png", ".webp", ".bmp"}
 SHORT_SIDE = 200  # pixels: enough for a 128-pixel patch, small enough to keep a thousand in memory
+SMALLEST = 64  # pixels: the shortest side of a picture that is used
+
+LOG = logging.getLogger("moveit6d")
 
 
-def load_photos(folder: Path, limit: int | None = None) -> list[np.ndarray]:
-    """Photographs (H, W, 3) uint8 RGB of a folder, their short side at most `SHORT_SIDE` pixels.
+def photo_files(folder: Path) -> list[Path]:
+    """Pictures of a folder in order of their names, maybe damaged ones among them.
 
-    With a `limit`, an evenly spread part of the folder. Raises `InputError` if there is none.
+    `InputError` if there is no such folder.
     """
     if not folder.is_dir():
         raise InputError(f"Photo folder {folder} does not exist.")
-    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in PHOTO_SUFFIXES)
+    return sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES)
+
+
+def load_photos(
+    folder: Path, limit: int | None = None, size: tuple[int, int] = (SHORT_SIDE, SHORT_SIDE)
+) -> list[RGBImage]:
+    """Photographs (H, W, 3) uint8 RGB of a folder, reduced to cover `size` (see `read_photos`).
+
+    With a `limit`, an evenly spread part of the folder. Those that cannot be used are left out,
+    with a warning. Raises `InputError` if there is none.
+    """
+    paths = photo_files(folder)
     if limit is not None and len(paths) > limit:
         paths = [paths[i] for i in np.linspace(0, len(paths) - 1, limit).astype(int)]
-    photos = [photo for photo in map(_read, paths) if min(photo.shape[:2]) >= 64]
-    if not photos:
-        raise InputError(f"Photo folder {folder} holds no readable picture of 64 pixels or more.")
+    photos = read_photos(paths, size, f"Photo folder {folder}")
+    if len(photos) < len(paths):
+        LOG.warning(
+            "Photo folder %s: %d of %d pictures are left out, not readable or smaller than %d "
+            "pixels", folder, len(paths) - len(photos), len(paths), SMALLEST,
+        )  # fmt: skip
     return photos
 
 
-def _read(path: Path) -> np.ndarray:
-    try:
-        with Image.open(path) as picture:
-            rgb = picture.convert("RGB")
-    except Exception:  # Pillow's readers raise what they stumble upon; one bad file is no reason
-        return np.zeros((1, 1, 3), np.uint8)  # dropped by the size rule
-    scale = SHORT_SIDE / min(rgb.size)
-    if scale < 1:
-        size = (round(rgb.width * scale), round(rgb.height * scale))
-        rgb = rgb.resize(size, Image.Resampling.BOX)
-    return np.asarray(rgb)
+def read_photos(
+    paths: Sequence[Path], size: tuple[int, int], where: str = "The list"
+) -> list[RGBImage]:
+    """Photographs that can be read and have 64 pixels a side, as small as they cover `size`.
+
+    `size` is a width and a height in pixels; smaller pictures stay as they are. Never holds more
+    than one as large as its file. `InputError`, with `where` they are from, if none is left.
+    """
+    photos = []
+    for path in paths:
+        with suppress(InputError):  # one bad file is no reason
+            photos.append(_reduced(read_image(path), size))
+    photos = [photo for photo in photos if min(photo.shape[:2]) >= SMALLEST]
+    if not photos:
+        raise InputError(f"{where} holds no readable picture of {SMALLEST} pixels or more.")
+    return photos
+
+
+def _reduced(photo: RGBImage, size: tuple[int, int]) -> RGBImage:
+    height, width = photo.shape[:2]
+    scale = max(size[0] / width, size[1] / height)
+    if scale >= 1:
+        return photo
+    picture = Image.fromarray(photo)
+    smaller = round(width * scale), round(height * scale)
+    return np.asarray(picture.resize(smaller, Image.Resampling.BOX))

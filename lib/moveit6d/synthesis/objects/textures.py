@@ -69,7 +69,8 @@ def photo_crop(
     photo = photos[int(rng.integers(len(photos)))]
     tall, wide = photo.shape[:2]
     scale = rng.uniform(0.35, 1.0) * min(tall / height, wide / width)
-    h, w = max(2, int(height * scale)), max(2, int(width * scale))
+    # Of a picture of one line no more than that.
+    h, w = min(tall, max(2, int(height * scale))), min(wide, max(2, int(width * scale)))
     y, x = int(rng.integers(tall - h + 1)), int(rng.integers(wide - w + 1))
     part = Image.fromarray(photo[y : y + h, x : x + w])
     return np.array(part.resize((width, height), Image.Resampling.BILINEAR))

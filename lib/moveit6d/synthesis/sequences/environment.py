@@ -28,6 +28,13 @@ from .layers import SceneLight, SceneMaterial, composite, render_layers
 from .motion import SmoothPath
 from .sensor import as_image
 
+BACKGROUND_SCALE = 1.4  # the picture behind everything is so much larger than a frame
+
+
+def background_size(camera: Camera) -> tuple[int, int]:
+    """Width and height of the picture behind everything, pixels: no photograph needs more."""
+    return int(camera.width * BACKGROUND_SCALE), int(camera.height * BACKGROUND_SCALE)
+
 
 class LightOverTime:
     """Light and exposure over time."""
@@ -74,7 +81,8 @@ class MovingBackground:
         photos: Sequence[RGBImage] | None,
     ) -> None:
         self._size = (camera.width, camera.height)
-        large = (int(camera.height * 1.4), int(camera.width * 1.4))
+        wide, high = background_size(camera)
+        large = (high, wide)
         if photos:
             chosen = photos[int(rng.integers(len(photos)))]
             picture = _covering(chosen, large)

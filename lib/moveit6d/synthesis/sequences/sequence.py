@@ -44,6 +44,7 @@ WRITTEN = re.compile(
 )
 BESIDE = 1  # stream of random numbers
 OCCLUDER = SceneMaterial(0.0, 0.1)  # skin, cloth and paper
+SEQUENCE_CAMERA = Camera(615.0, 615.0, 319.5, 239.5, 640, 480)
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ class Scene:
         self.difficulty = find_difficulty(difficulty)
         self.mesh = mesh
         self.frames = frames
-        self.camera = camera or Camera(615.0, 615.0, 319.5, 239.5, 640, 480)
+        self.camera = camera or SEQUENCE_CAMERA
         self._seed = seed
         self._renderer = make_renderer("embree")
         rng = np.random.default_rng(seed)

@@ -11,16 +11,16 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from ...errors import InputError
-from ...geometry.mesh import Mesh
+from ...geometry.mesh import Mesh, Unit
 from ...geometry.mesh_files import SUFFIXES
 from ...geometry.mesh_files.digest import mesh_digest
 from ..augmentation.backgrounds import procedural_photo
-from ..augmentation.photos import PHOTO_SUFFIXES, load_photos
+from ..augmentation.photos import load_photos, photo_files
 from ..objects.shapes import random_object
 from ..objects.slender import slender_copy
 from ..objects.symmetric_shapes import symmetric_object
@@ -42,7 +42,7 @@ class PairSource:
     """
 
     meshes: tuple[Path, ...]
-    mesh_unit: Literal["m", "mm"]
+    mesh_unit: Unit
     photos: Path | None
     photo_limit: int | None
     shapes: int
@@ -124,13 +124,6 @@ class PairSource:
 
 def _digest(value: Any) -> str:
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
-
-
-def photo_files(folder: Path) -> list[Path]:
-    """Pictures of a folder in order of their names, maybe damaged ones among them."""
-    if not folder.is_dir():
-        raise InputError(f"Photo folder {folder} does not exist.")
-    return sorted(path for path in folder.iterdir() if path.suffix.lower() in PHOTO_SUFFIXES)
 
 
 def mesh_files(folder: Path) -> list[Path]:
