@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from moveit6d.datasets.mesh_writers import is_plain, write_obj, write_ply
+from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
 from tests.support.meshes import colored_box, sphere, textured_box
 
@@ -37,10 +38,13 @@ def test_colours_come_back(tmp_path: Path, write: tuple[str, Callable], unit: st
     np.testing.assert_allclose(seen(Mesh.load(path, unit)), seen(mesh), atol=1e-6)  # type: ignore
 
 
-def test_a_texture_comes_back_upright(tmp_path: Path, write: tuple[str, Callable]) -> None:
+@pytest.mark.parametrize("name", ["box", "d\u00f6se \u7bb1"])
+def test_a_texture_comes_back_upright(
+    tmp_path: Path, write: tuple[str, Callable], name: str
+) -> None:
     texture = np.random.default_rng(0).integers(0, 256, (16, 24, 3), np.uint8)
     mesh = textured_box(texture)
-    path = tmp_path / "models" / f"box.{write[0]}"
+    path = tmp_path / "models" / f"{name}.{write[0]}"
     write[1](path, mesh)
     back = Mesh.load(path)
     assert back.texture is not None
@@ -85,3 +89,13 @@ def test_ply_far_away_names_double(tmp_path: Path) -> None:
     write_ply(tmp_path / "box.ply", colored_box(offset=(0, 100, 0)))
     head = (tmp_path / "box.ply").read_bytes().split(b"end_header")[0].decode()
     assert "property double y" in head and "property float nx" in head
+
+
+def test_a_ply_that_cannot_be_written_leaves_no_texture(tmp_path: Path) -> None:
+    (tmp_path / "box.ply").mkdir()
+    with pytest.raises(InputError, match="is a folder"):
+        write_ply(tmp_path / "box.ply", textured_box(np.zeros((4, 4, 3), np.uint8)))
+    (tmp_path / "can_texture.png").mkdir()
+    with pytest.raises(InputError, match="is a folder"):
+        write_ply(tmp_path / "can.ply", textured_box(np.zeros((4, 4, 3), np.uint8)))
+    assert {one.name for one in tmp_path.iterdir()} == {"box.ply", "can_texture.png"}

@@ -37,7 +37,7 @@ def write_ply(path: str | Path, mesh: Mesh, unit: Literal["m", "mm"] = "m") -> N
     comment = ""
     if mesh.texture is not None and mesh.uv is not None:
         columns += [(f"texture_{name}", "f4", mesh.uv[:, k]) for k, name in enumerate("uv")]
-        comment = f"comment TextureFile {_write_texture(path, mesh.texture)}\n"
+        comment = f"comment TextureFile {_texture_path(path).name}\n"
     elif mesh.vertex_colors is not None and not is_plain(mesh):
         names = ("red", "green", "blue")
         columns += [(name, "u1", mesh.vertex_colors[:, k]) for k, name in enumerate(names)]
@@ -52,8 +52,11 @@ def write_ply(path: str | Path, mesh: Mesh, unit: Literal["m", "mm"] = "m") -> N
         f"{properties}element face {len(faces)}\nproperty list uchar int vertex_indices\n"
         "end_header\n"
     )
+    content = head.encode("utf-8") + vertices.tobytes() + faces.tobytes()
     with replacing(path) as temporary:
-        temporary.write_bytes(head.encode("ascii") + vertices.tobytes() + faces.tobytes())
+        temporary.write_bytes(content)
+        if mesh.texture is not None and mesh.uv is not None:
+            _write_texture(path, mesh.texture)
 
 
 def write_obj(path: str | Path, mesh: Mesh, unit: Literal["m", "mm"] = "m") -> None:
@@ -110,7 +113,11 @@ def _write_texture(path: Path, texture: NDArray[np.uint8]) -> str:
     """The texture as PNG beside `path`; its name, which names no folder."""
     from PIL import Image
 
-    picture = path.with_name(f"{path.stem}_texture.png")
+    picture = _texture_path(path)
     with replacing(picture) as temporary:
         Image.fromarray(texture).save(temporary)
     return picture.name
+
+
+def _texture_path(path: Path) -> Path:
+    return path.with_name(f"{path.stem}_texture.png")

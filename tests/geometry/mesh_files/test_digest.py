@@ -74,6 +74,14 @@ def test_it_changes_with_everything_that_pairs_show(can: Path, changed: str) -> 
     assert mesh_digest(can) != before
 
 
+def test_names_in_files_of_another_encoding_count(can: Path) -> None:
+    for file in (can, can.parent / "my skin.mtl"):
+        file.write_bytes(file.read_text().encode("utf-16-le"))
+    before = mesh_digest(can)
+    picture(can.parent / "maps" / "front side.bmp", 1)
+    assert mesh_digest(can) != before
+
+
 def test_a_library_that_no_line_names_counts(can: Path) -> None:
     can.write_text(can.read_text().replace("mtllib my skin.mtl\n", ""))
     (can.parent / "my skin.mtl").rename(can.parent / "can.mtl")

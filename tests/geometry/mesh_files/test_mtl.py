@@ -70,3 +70,26 @@ def test_tabs_and_blanks_on_one_line(tmp_path: Path) -> None:
     assert material.color == (0.8, 0.1, 0.1)
     assert material.picture is not None and material.picture.name == "my tex.png"
     assert material.mask is not None and material.mask.name == "m 1.png"
+
+
+@pytest.mark.parametrize(
+    ("line", "color"),
+    [
+        ("Kd 0.5 0.25 1", (0.5, 0.25, 1.0)),
+        ("Kd 5e-1", (0.5, 0.5, 0.5)),
+        ("Kd 0.5 # grey", (0.5, 0.5, 0.5)),
+        ("Kd 1 0 0 1  # with alpha", (1.0, 0.0, 0.0)),
+        ("Kd xyz 1 1 1\nKd 1 0 0", (1.0, 0.0, 0.0)),
+        ("Kd 0,5 0,5 0,5", None),
+        ("Kd xyz 1 1 1", None),
+        ("Kd spectral red.rfl 1", None),
+        ("Kd 0.5 0.5", None),
+        ("Kd", None),
+    ],
+)
+def test_plain_colours(tmp_path: Path, line: str, color: tuple[float, ...] | None) -> None:
+    library = tmp_path / "m.mtl"
+    library.write_text(f"newmtl a\n{line}\n")
+    material = read_mtl(library)["a"]
+    assert material.color == color
+    assert material.unread == (line if color is None else "")

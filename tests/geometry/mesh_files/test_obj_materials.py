@@ -10,6 +10,7 @@ from PIL import Image
 
 from moveit6d.errors import InputError
 from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.mesh_files.join import PLAIN
 from tests.support.obj_files import MTL, write
 from tests.support.patches import BOX, all_right, shown_right
 
@@ -127,3 +128,21 @@ def test_pictures_of_one_name_in_two_folders(tmp_path: Path) -> None:
     assert mesh.texture is not None
     shown = {tuple(color) for color in mesh.texture.reshape(-1, 3).tolist()}
     assert {(250, 30, 30), (30, 30, 250)} <= shown
+
+
+@pytest.mark.parametrize("line", ["Kd 0,9 0,1 0,1", "Kd xyz 0.4 0.2 0.1", "Kd spectral red.rfl"])
+def test_a_colour_that_is_not_understood_is_named(
+    tmp_path: Path, line: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    rows = BOX.obj("mtllib m.mtl\nusemtl a\n").splitlines()
+    path = write(tmp_path, f"newmtl a\nKd 1 0 0\nnewmtl b\n{line}\n", "\n".join(rows))
+    Mesh.load(path, allow_flat=True)  # no face has that colour
+    rows.insert(len(rows) - 4, "usemtl b")
+    path.write_text("\n".join(rows))
+    with pytest.raises(InputError, match=f"material 'b' of m.mtl has the colour '{line}'"):
+        Mesh.load(path, allow_flat=True)
+    mesh = Mesh.load(path, allow_untextured=True)
+    assert mesh.vertex_colors is not None and line in caplog.text
+    assert {tuple(c) for c in mesh.vertex_colors.tolist()} == {(255, 0, 0), PLAIN}
+    # Where a picture shows, the colour does not count.
+    assert all_right(Mesh.load(write(tmp_path, f"newmtl mat\n{line}\nmap_Kd skin.png\n")))

@@ -53,14 +53,16 @@ def test_a_header_that_counts_too_few_triangles(
     assert not caplog.text
 
 
-def test_ascii_in_capitals(tmp_path: Path) -> None:
+def test_ascii_in_capitals_and_with_any_ends_of_lines(tmp_path: Path) -> None:
     text = "solid Box\n"
     for face in BOX.vertices[BOX.faces].tolist():
         corners = "".join("vertex {:e} {:e} {:e}\n".format(*corner) for corner in face)
         text += f"facet normal 0 0 1\nouter loop\n{corners}endloop\nendfacet\n"
     text += "endsolid Box\n"
-    for name, content in (("low", text), ("high", text.upper())):
-        (tmp_path / f"{name}.stl").write_text(content)
+    ways = {"low": text, "high": text.upper()}
+    ways |= {"mac": text.replace("\n", "\r"), "windows": text.replace("\n", "\r\n")}
+    for name, content in ways.items():
+        (tmp_path / f"{name}.stl").write_bytes(content.encode())
         mesh = Mesh.load(tmp_path / f"{name}.stl")
         found = (mesh.vertices + mesh.center)[mesh.faces]
         np.testing.assert_allclose(found, BOX.vertices[BOX.faces], atol=1e-6)

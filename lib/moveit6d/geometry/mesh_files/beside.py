@@ -13,6 +13,7 @@ from urllib.parse import unquote
 
 from ...errors import InputError
 
+HEAD = 4096  # bytes that tell the encoding of a text
 LARGEST = 4 * 2**30  # bytes; nothing larger is read
 
 
@@ -54,6 +55,10 @@ def decoded(content: bytes) -> str:
     """Text of any common encoding: UTF-8 and UTF-16 with or without mark, else Latin-1."""
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         return content.decode("utf-16", errors="replace")
+    # Every other byte of UTF-16 is NUL as far as its text is ASCII; other text has none.
+    even, odd = content[:HEAD:2].count(0), content[1:HEAD:2].count(0)
+    if max(even, odd) > max(len(content[:HEAD]) / 4, 8 * min(even, odd)):
+        return content.decode("utf-16-le" if odd > even else "utf-16-be", errors="replace")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

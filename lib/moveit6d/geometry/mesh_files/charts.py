@@ -19,18 +19,39 @@ LEAST = 2 + 2 * BORDER  # side of a patch
 BLOCK = 1 << 22  # texels that are worked on at once
 
 
-def charted(part: MeshPart) -> MeshPart:
+def varies(part: MeshPart) -> bool:
+    """Whether the colours of a part differ from vertex to vertex."""
+    return part.colors is not None and bool((part.colors != part.colors[:1]).any())
+
+
+def patch_side(part: MeshPart, largest: int | None = None, least: int = 0) -> int:
+    """Texels a side of a face's patch in a texture of `largest` texels a side, where it is limited.
+
+    At least `least`, if any texture can hold as many; 0 if the part has too many faces for one.
+    """
+    columns = math.ceil(math.sqrt(len(part.faces)))
+    most = min(MAX_SIDE // columns, _natural(part))
+    if most < LEAST:
+        return 0
+    return most if largest is None else min(most, max(largest // columns, least, LEAST))
+
+
+def chart_shape(count: int, side: int) -> tuple[int, int]:
+    """Height and width, texels, of the texture of so many faces with patches of `side` texels."""
+    columns = math.ceil(math.sqrt(count))
+    return math.ceil(count / columns) * side, columns * side
+
+
+def charted(part: MeshPart, side: int) -> MeshPart:
     """The part with a texture made of its vertex colours, times its own texture if it has one.
 
-    A part with too many faces for a texture gets a colour per vertex instead.
+    `side` (`patch_side`) is that of a patch, texels. Such a texture must not be reduced: averaging
+    mixes the patches of different faces.
     """
     count = len(part.faces)
-    columns = math.ceil(math.sqrt(count))
-    side = min(MAX_SIDE // columns, _natural(part))
-    if side < LEAST:
-        return MeshPart(part.vertices, part.faces, colors=_per_vertex(part))
     weights = _weights(side)  # (S², 3)
-    rows = math.ceil(count / columns)
+    height, width = chart_shape(count, side)
+    rows, columns = height // side, width // side
     patches = np.zeros((rows * columns, side * side, 3), np.uint8)
     step = max(1, BLOCK // (side * side))
     for start in range(0, count, step):
@@ -38,11 +59,11 @@ def charted(part: MeshPart) -> MeshPart:
             part, part.faces[start : start + step], weights
         )
     texture = patches.reshape(rows, columns, side, side, 3).swapaxes(1, 2)
-    texture = texture.reshape(rows * side, columns * side, 3)
+    texture = texture.reshape(height, width, 3)
     return MeshPart(
         part.vertices[part.faces.reshape(-1)],
         np.arange(3 * count).reshape(-1, 3),
-        _coordinates(count, columns, side, texture.shape[1], texture.shape[0]),
+        _coordinates(count, columns, side, width, height),
         np.ascontiguousarray(texture),
     )
 
@@ -113,7 +134,10 @@ def _coordinates(
     return np.stack([x, 1 - y], -1).reshape(-1, 2).astype(np.float32)
 
 
-def _per_vertex(part: MeshPart) -> NDArray[np.uint8]:
+def per_vertex(part: MeshPart) -> NDArray[np.uint8]:
+    """Colours (V, 3) of a part at its vertices alone: its own, times its texture's texels there."""
+    if part.colors is not None and part.texture is None:
+        return part.colors
     light = np.ones((len(part.vertices), 3))
     if part.colors is not None:
         light = to_linear(part.colors)

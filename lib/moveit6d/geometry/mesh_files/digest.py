@@ -16,6 +16,7 @@ from .beside import decoded, find_beside, read_bytes
 NAMED = re.compile(
     rb"\.(mtl|bin|png|jpe?g|jp2|bmp|tga|tiff?|webp|gif|p[pgn]m|dds|avif|ktx2)\b", re.IGNORECASE
 )
+TEXTS = (".obj", ".mtl")  # the others that name files do it in ASCII or UTF-8
 LONGEST_NAME = 300  # bytes
 AROUND_NAMES = re.compile(rb"[\r\n\"<>\0]")
 
@@ -43,6 +44,8 @@ def files_of_mesh(path: Path) -> list[Path]:
 def _named(file: Path, mesh: Path) -> Iterator[Path]:
     """The files that one names, beside it or beside the mesh, in their order in it."""
     content = read_bytes(file)
+    if file.suffix.lower() in TEXTS:  # of any encoding
+        content = decoded(content).encode("utf-8", errors="replace")
     ends = (ending.end() for ending in NAMED.finditer(content))
     lines = (AROUND_NAMES.split(content[max(0, end - LONGEST_NAME) : end])[-1] for end in ends)
     for line in dict.fromkeys(lines):

@@ -5,79 +5,87 @@ Never reads files and never changes the shape.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .charts import charted, sampled
+from .atlas import MAX_ATLAS, packed, reduced, shared
+from .charts import charted, patch_side, per_vertex, varies
 from .content import MeshPart
 from .pictures import tinted, to_linear
 
 PLAIN = (160, 160, 160)  # a surface without any colour of its own
-MAX_ATLAS = 4096
-GUTTER = 8  # pixels around each tile of an atlas, so that tiles do not bleed into each other
 MAX_REPEATS = 1024  # of a texture within one face; more are finer than any pixel
 PADDING = {"repeat": "wrap", "mirror": "symmetric", "clamp": "edge"}
 
 
 @dataclass
 class Surface:
-    """Triangles with colour. Exactly one of `texture` (with `uv`, v up) and `colors` is set."""
+    """Triangles with colour. Exactly one of `texture` (with `uv`, v up) and `colors` is set.
+
+    `warnings` says what the parts lost of their looks to become one.
+    """
 
     vertices: NDArray[np.float64]  # (V, 3)
     faces: NDArray[np.int64]  # (F, 3)
     uv: NDArray[np.float32] | None = None  # (V, 2)
     texture: NDArray[np.uint8] | None = None  # (H, W, 3)
     colors: NDArray[np.uint8] | None = None  # (V, 3)
+    warnings: list[str] = field(default_factory=list)
 
 
 def join(parts: list[MeshPart]) -> Surface:
     """All parts as one surface, their textures packed into one atlas.
 
     A texture that repeats is laid out as often as its faces need. A part whose colours vary from
-    vertex to vertex gets a patch of the atlas for each face if other parts have textures.
+    vertex to vertex gets a patch of the atlas for each face if there are textures.
     """
-    parts = [_single(part) for part in parts]
-    pictures = {
-        None if p.texture is None else (p.texture.shape, p.texture.tobytes()) for p in parts
-    }
-    if pictures == {None}:
+    parts = shared([_single(part) for part in parts])
+    if all(part.texture is None for part in parts):
         return _colored(parts)
-    if len(pictures) == 1 and all(part.wrap == ("repeat", "repeat") for part in parts):
+    alike = len({id(part.texture) for part in parts}) == 1
+    wraps = all(part.wrap == ("repeat", "repeat") for part in parts)
+    if alike and wraps and not any(map(varies, parts)):
         return _textured(parts, parts[0].texture)
-    parts = [_flat(part) for part in parts]
-    if any(part.texture is None and _varies(part) for part in parts):
-        parts = [charted(p) if p.texture is None and _varies(p) else p for p in parts]
-        if any(part.texture is None and _varies(part) for part in parts):  # too many faces
-            return _colored(parts)
-    if len(parts) == 1 and parts[0].texture is not None:
-        return _textured(parts, parts[0].texture)
-    texture, coordinates = _atlas(parts)
-    surface = _geometry(parts)
-    surface.texture, surface.uv = texture, coordinates
+    warnings: list[str] = []
+    parts = [_flat(part, warnings) for part in parts]
+    if len(parts) == 1 and parts[0].texture is not None and not varies(parts[0]):
+        surface = _textured(parts, parts[0].texture)
+    elif len(parts) == 1 and varies(parts[0]) and patch_side(parts[0]):
+        chart = charted(parts[0], patch_side(parts[0]))
+        surface = _textured([chart], chart.texture)
+    else:
+        surface = _in_atlas(parts, warnings)
+    surface.warnings = warnings
     return surface
 
 
+def _in_atlas(parts: list[MeshPart], warnings: list[str]) -> Surface:
+    atlas = packed(parts)
+    if atlas is None:
+        warnings.append(
+            "its faces whose colours vary from vertex to vertex are too many for a texture; all "
+            "pictures are shown by the colours at the vertices alone"
+        )
+        return _colored(parts)
+    if atlas.warning:
+        warnings.append(atlas.warning)
+    return _textured(atlas.parts, atlas.texture)
+
+
 def _single(part: MeshPart) -> MeshPart:
-    """The part with a texture or colours, not both."""
+    """The part with colours, with a texture, or with both if its colours vary."""
     if part.texture is None or part.uv is None:
         colors = part.colors
         if colors is None:
             color = PLAIN if part.color is None else part.color
             colors = np.tile(np.asarray(color, np.uint8), (len(part.vertices), 1))
         return MeshPart(part.vertices, part.faces, colors=colors)
-    if part.colors is None:
+    if part.colors is None or varies(part):
         return part
-    if not _varies(part):
-        texture = tinted(part.texture, to_linear(part.colors[0]))
-        return MeshPart(part.vertices, part.faces, part.uv, texture, wrap=part.wrap)
-    return charted(part)
-
-
-def _varies(part: MeshPart) -> bool:
-    return part.colors is not None and bool((part.colors != part.colors[:1]).any())
+    texture = tinted(part.texture, to_linear(part.colors[0]))
+    return MeshPart(part.vertices, part.faces, part.uv, texture, wrap=part.wrap)
 
 
 def _geometry(parts: list[MeshPart]) -> Surface:
@@ -97,13 +105,16 @@ def _textured(parts: list[MeshPart], texture: NDArray[np.uint8] | None) -> Surfa
 
 def _colored(parts: list[MeshPart]) -> Surface:
     surface = _geometry(parts)
-    surface.colors = np.concatenate([_vertex_colors(part) for part in parts])
+    surface.colors = np.concatenate([per_vertex(part) for part in parts])
     return surface
 
 
-def _flat(part: MeshPart) -> MeshPart:
-    """The part with texture coordinates in [0, 1]: what repeats is laid out in its texture."""
-    if part.texture is None or part.uv is None:
+def _flat(part: MeshPart, warnings: list[str]) -> MeshPart:
+    """The part with texture coordinates in [0, 1]: what repeats is laid out in its texture.
+
+    Charts are drawn from repeating textures as they are.
+    """
+    if part.texture is None or part.uv is None or varies(part):
         return part
     if part.uv.min() >= -1e-3 and part.uv.max() <= 1 + 1e-3:
         return MeshPart(part.vertices, part.faces, part.uv.clip(0, 1), part.texture)
@@ -121,7 +132,7 @@ def _flat(part: MeshPart) -> MeshPart:
         mean = part.texture.reshape(-1, 3).mean(0)
         colors = np.tile(np.rint(mean).astype(np.uint8), (len(part.vertices), 1))
         return MeshPart(part.vertices, part.faces, colors=colors)
-    texture = _laid_out(part.texture, low, high, part.wrap)
+    texture = _laid_out(part.texture, low, high, part.wrap, warnings)
     key = np.concatenate(
         [part.faces.reshape(-1, 1), np.repeat(shift, 3, axis=0)], 1
     )  # corners of a vertex that are moved alike stay one vertex
@@ -133,59 +144,20 @@ def _flat(part: MeshPart) -> MeshPart:
 
 def _laid_out(
     texture: NDArray[np.uint8], low: NDArray[np.int64], high: NDArray[np.int64],
-    wrap: tuple[str, str],
+    wrap: tuple[str, str], warnings: list[str],
 ) -> NDArray[np.uint8]:  # fmt: skip
     """The texture continued over the tiles from `low` to `high` (u, v), v up."""
-    count = high - low
-    texture = _reduced(texture, int(max(texture.shape[1] * count[0], texture.shape[0] * count[1])))
+    whole, count = max(texture.shape[:2]), high - low
+    total = max(texture.shape[1] * count[0], texture.shape[0] * count[1])
+    if total > MAX_ATLAS:
+        texture = reduced(texture, whole * MAX_ATLAS / total)
+        what = (
+            f"a picture that repeats {int(count[0])}×{int(count[1])} times is reduced from {whole} "
+            f"to {max(texture.shape[:2])} pixels a side, to have room in one texture"
+        )
+        warnings += [what] * (what not in warnings)
     height, width = texture.shape[:2]
     rows = ((int(high[1]) - 1) * height, -int(low[1]) * height)
     columns = (-int(low[0]) * width, (int(high[0]) - 1) * width)
     padded = np.pad(texture, ((0, 0), columns, (0, 0)), mode=PADDING[wrap[0]])  # type: ignore
     return np.pad(padded, (rows, (0, 0), (0, 0)), mode=PADDING[wrap[1]])  # type: ignore
-
-
-def _atlas(parts: list[MeshPart]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """One texture that holds all (each once, plain colours as one texel), and every part's uv."""
-    tiles: dict[bytes, NDArray[np.uint8]] = {}
-    keys = []
-    for part in parts:
-        tile = part.texture if part.texture is not None else _vertex_colors(part)[:1, None]
-        keys.append(bytes(str(tile.shape), "ascii") + tile.tobytes())
-        tiles.setdefault(keys[-1], tile)
-    columns = math.ceil(math.sqrt(len(tiles)))
-    rows = math.ceil(len(tiles) / columns)
-    largest = max(max(tile.shape[:2]) for tile in tiles.values())
-    tiles = {key: _reduced(tile, largest * columns) for key, tile in tiles.items()}
-    height = max(tile.shape[0] for tile in tiles.values()) + 2 * GUTTER
-    width = max(tile.shape[1] for tile in tiles.values()) + 2 * GUTTER
-    atlas = np.zeros((rows * height, columns * width, 3), np.uint8)
-    corners = {}
-    for number, (key, tile) in enumerate(tiles.items()):
-        top, left = number // columns * height, number % columns * width
-        below, right = height - GUTTER - tile.shape[0], width - GUTTER - tile.shape[1]
-        padded = np.pad(tile, ((GUTTER, below), (GUTTER, right), (0, 0)), mode="edge")
-        atlas[top : top + height, left : left + width] = padded
-        corners[key] = (top + GUTTER, left + GUTTER)
-    coordinates = []
-    for part, key in zip(parts, keys, strict=True):
-        (top, left), (h, w) = corners[key], tiles[key].shape[:2]
-        uv = np.full((len(part.vertices), 2), 0.5) if part.uv is None else part.uv.clip(0, 1)
-        x, y = left + uv[:, 0] * w, top + (1 - uv[:, 1]) * h
-        coordinates.append(np.stack([x / atlas.shape[1], 1 - y / atlas.shape[0]], -1))
-    return atlas, np.concatenate(coordinates).astype(np.float32)
-
-
-def _reduced(tile: NDArray[np.uint8], total: int) -> NDArray[np.uint8]:
-    """The tile averaged down by a whole number, so that `total` pixels become `MAX_ATLAS`."""
-    from PIL import Image
-
-    factor = math.ceil(total / MAX_ATLAS)
-    return np.asarray(Image.fromarray(tile).reduce(factor), np.uint8) if factor > 1 else tile
-
-
-def _vertex_colors(part: MeshPart) -> NDArray[np.uint8]:
-    if part.colors is not None:
-        return part.colors
-    assert part.texture is not None and part.uv is not None
-    return sampled(part.texture, part.uv.astype(np.float64), part.wrap)

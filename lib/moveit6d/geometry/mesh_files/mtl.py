@@ -43,6 +43,7 @@ class MtlMaterial:
     picture: Map | None = None
     mask: Map | None = None
     color: tuple[float, float, float] | None = None
+    unread: str = ""  # the line of its plain colour, if that is not understood
 
 
 def read_mtl(path: Path) -> dict[str, MtlMaterial]:
@@ -59,6 +60,7 @@ def read_mtl(path: Path) -> dict[str, MtlMaterial]:
             found.setdefault(rest, current)
         elif keyword == "kd":
             current.color = _color(rest)
+            current.unread = line.strip() if current.color is None else ""
         elif keyword in PICTURES and rest:
             maps[keyword] = read_map(rest)
             current.picture = next(maps[key] for key in PICTURES if key in maps)
@@ -101,7 +103,10 @@ def _apply(result: Map, option: str, values: list[str]) -> None:
 
 
 def _color(text: str) -> tuple[float, float, float] | None:
-    values = [float(part) for part in text.split() if NUMBER.fullmatch(part)]
-    if len(values) == 1:  # green and blue equal red where they are not given
-        values *= 3
-    return (values[0], values[1], values[2]) if len(values) >= 3 else None
+    """Red, green and blue; None for `xyz`, `spectral` and whatever is no plain number."""
+    words = text.partition("#")[0].split()
+    if len(words) == 1:  # green and blue equal red where they are not given
+        words *= 3
+    if len(words) < 3 or not all(NUMBER.fullmatch(word) for word in words[:3]):
+        return None
+    return float(words[0]), float(words[1]), float(words[2])

@@ -44,6 +44,8 @@ def add_parts(
         if material is not None:
             content.materials.append(_facts(material, picture))
         if picture is None or material is None or material.picture is None:
+            if material is not None and material.unread and geometry.colors is None:
+                _unread_color(content, material)
             content.parts.append(_plain(geometry, vertex, material))
             continue
         if textured.any():
@@ -158,6 +160,14 @@ def _mask(
     if picture.alpha is not None:
         return picture.alpha
     return None if np.array_equal(picture.pixels, shown.pixels) else picture.pixels[..., 0]
+
+
+def _unread_color(content: MeshContent, material: MtlMaterial) -> None:
+    content.lost(
+        f"the material {material.name!r} of {material.library.name} has the colour "
+        f"{material.unread[:60]!r}, which is not understood",
+        "write it as Kd and three numbers from 0 to 1",
+    )
 
 
 def _without_coordinates(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from .beside import decoded, read_bytes
 from .content import MeshContent, MeshPart
+from .join import PLAIN
 from .pictures import as_bytes
 from .polygons import triangulated
 
@@ -58,22 +59,40 @@ def _part(
     triangles, owner = triangulated(corners, counts, points, content.path)
     faces = corners[triangles]
     first = 6 if normals else 3
-    colors = _colors([row[first : first + 3] for row in rows])
+    colors = _colors(content, [row[first : first + 3] for row in rows], "vertices")
     if colors is not None:
-        content.name("vertex colours")
         return MeshPart(points, faces, colors=colors)
-    colors = _colors([polygon[1 + int(polygon[0]) :][:3] for polygon in polygons])
+    after = [polygon[1 + int(polygon[0]) :][:3] for polygon in polygons]
+    colors = _colors(content, after, "faces")
     if colors is None:
         return MeshPart(points, faces)
-    content.name("face colours")
     split = np.arange(3 * len(faces)).reshape(-1, 3)
     return MeshPart(points[faces].reshape(-1, 3), split, colors=np.repeat(colors[owner], 3, axis=0))
 
 
-def _colors(rows: list[list[float]]) -> NDArray[np.uint8] | None:
-    """Colours (N, 3), as fractions or bytes; None unless every row has three numbers."""
-    if any(len(row) != 3 for row in rows):
+def _colors(content: MeshContent, rows: list[list[float]], what: str) -> NDArray[np.uint8] | None:
+    """Colours (N, 3), as fractions or bytes, grey where a row has none; None if no row has one.
+
+    One number alone is the place in a colour map, which is a file of Geomview's. Two are texture
+    coordinates.
+    """
+    given = [k for k, row in enumerate(rows) if len(row) == 3]
+    numbered = sum(len(row) == 1 for row in rows)
+    if given or numbered:
+        content.name("vertex colours" if what == "vertices" else "face colours")
+    if numbered:
+        content.lost(
+            f"{numbered} of {len(rows)} {what} have a colour by its number in a colour map",
+            "export it with red, green and blue",
+        )
+    if not given:
         return None
-    values = np.array(rows)
-    scale = 255.0 if values.max(initial=0) <= 1 else 1.0
-    return as_bytes(values, scale)
+    without = len(rows) - len(given) - numbered
+    if without:
+        content.warnings.append(
+            f"{without} of {len(rows)} {what} have no colour and are shown grey"
+        )
+    values = np.array([rows[k] for k in given])
+    colors = np.tile(np.array(PLAIN, np.uint8), (len(rows), 1))
+    colors[given] = as_bytes(values, 255.0 if values.max(initial=0) <= 1 else 1.0)
+    return colors

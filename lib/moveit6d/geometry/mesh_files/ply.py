@@ -1,4 +1,4 @@
-"""PLY: ASCII and binary, with colours or texture coordinates per vertex, per face or per corner.
+"""PLY: the elements of a file, ASCII and binary, and its faces.
 
 Never reads edges, tristrips are unrolled. Format: Greg Turk, "The PLY polygon file format", and
 what MeshLab, Meshroom, Open3D and BOP's tools write.
@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
-from .beside import find_beside, read_bytes
-from .content import FileMaterial, MeshContent, MeshPart
-from .pictures import Picture, as_bytes, decode_picture
+from .beside import read_bytes
+from .content import MeshContent
+from .ply_looks import PlyShape, add_parts
 from .polygons import triangulated
 
 TYPES = {
@@ -24,9 +24,6 @@ TYPES = {
     "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-UV_NAMES = (("texture_u", "texture_v"), ("s", "t"), ("u", "v"), ("texture_s", "texture_t"))
-COLOR_NAMES = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"),
-               ("r", "g", "b"))  # fmt: skip
 INDEX_NAMES = ("vertex_indices", "vertex_index")
 
 Lists = tuple[NDArray[np.int64], NDArray[Any]]  # lengths, and all values behind each other
@@ -68,126 +65,8 @@ def read_ply(content: MeshContent) -> None:
         raise InputError(f"{content.path}: holds no faces; a mesh of triangles is needed.")
     counts, corners = lists[0], lists[1].astype(np.int64)
     triangles, polygon = triangulated(corners, counts, points, content.path)
-    _add(content, header, points, vertex, face, corners, triangles, polygon)
-
-
-def _add(
-    content: MeshContent, header: Header, points: NDArray[np.float64], vertex: dict[str, Any],
-    face: dict[str, Any], corners: NDArray[np.int64], triangles: NDArray[np.int64],
-    polygon: NDArray[np.int64],
-) -> None:  # fmt: skip
-    """Parts by texture, or one part with its colours."""
-    faces = corners[triangles]
-    names = next((pair for pair in UV_NAMES if set(pair) <= set(vertex)), None)
-    textures = _textures(content, header.textures)
-    colors = _colors(vertex)
-    face_colors = _colors(face)
-    if colors is not None or face_colors is not None:
-        content.name("vertex colours" if colors is not None else "face colours")
-    own = bool(textures) and "texcoord" in face
-    own = own and len(face["texcoord"][1]) == 2 * len(corners)
-    uv: Any = None if names is None else np.stack([vertex[name] for name in names], -1)
-    number = np.zeros(len(faces), np.int64)
-    if textures and (own or uv is not None):
-        number = _picture_numbers(content, face, polygon, len(textures))
-    if textures and (own or (uv is not None and (number != number[:1]).any())):
-        at = triangles if own else faces
-        uv = face["texcoord"][1].reshape(-1, 2) if own else uv
-        for index in np.unique(number).tolist():
-            chosen = number == index
-            corner = faces[chosen].reshape(-1)
-            part = MeshPart(points[corner], np.arange(len(corner)).reshape(-1, 3))
-            shown = None if colors is None else colors[corner]
-            if shown is None and index < 0 and face_colors is not None:
-                shown = np.repeat(face_colors[polygon[chosen]], 3, axis=0)
-            picture = None if index < 0 else textures[index]
-            _dress(part, picture, uv[at[chosen].reshape(-1)], shown)
-            content.parts.append(part)
-        return
-    part = MeshPart(points, faces)
-    if uv is not None and textures:
-        _dress(part, textures[number.max(initial=0)], uv, colors)
-    elif colors is not None:
-        part.colors = colors
-    elif face_colors is not None:
-        corner = np.arange(3 * len(faces)).reshape(-1, 3)
-        part = MeshPart(points[faces].reshape(-1, 3), corner)
-        part.colors = np.repeat(face_colors[polygon], 3, axis=0)
-    elif textures:
-        content.lost(
-            f"names the picture {header.textures[0]!r}, but has no texture coordinates",
-            "export it with texture_u and texture_v",
-        )
-    content.parts.append(part)
-
-
-def _picture_numbers(
-    content: MeshContent, face: dict[str, Any], polygon: NDArray[np.int64], count: int
-) -> NDArray[np.int64]:
-    """The picture (T,) of each triangle by the `texnumber` of its face; −1 for none."""
-    stored = face.get("texnumber")
-    if not isinstance(stored, np.ndarray):
-        return np.zeros(len(polygon), np.int64)
-    number = stored.astype(np.int64)[polygon]
-    if len(number) and (number < 0).all():
-        content.notes.append("no face has a picture by its texnumber; all show the first one")
-        return np.zeros(len(polygon), np.int64)
-    beyond = int((number >= count).sum())
-    if beyond:
-        content.warnings.append(
-            f"{beyond} of {len(number)} faces have a texnumber beyond the {count} pictures named "
-            "and show the last one"
-        )
-    return number.clip(-1, count - 1)
-
-
-def _dress(
-    part: MeshPart, picture: Picture | None, uv: NDArray[Any], colors: NDArray[np.uint8] | None
-) -> None:
-    """Give a part its texture or, where that is not there, its colours."""
-    if picture is None:
-        part.colors = colors
-        return
-    part.texture, part.uv = picture.pixels, uv.astype(np.float32)
-
-
-def _textures(content: MeshContent, names: list[str]) -> list[Picture | None]:
-    """The pictures of all `comment TextureFile` lines; None for those that are not there."""
-    found: list[Picture | None] = []
-    for name in names:
-        content.name(f"picture {name}")
-        path = find_beside(content.path, name)
-        picture = None
-        if path is None:
-            content.lost(
-                f"the picture {name!r} (comment TextureFile) is not there",
-                "put it beside the mesh or correct the name",
-            )
-        else:
-            try:
-                picture = decode_picture(read_bytes(path), str(path))
-            except InputError as error:
-                content.lost(str(error).rstrip("."), "save it as PNG")
-        if picture is not None:
-            content.materials.append(FileMaterial(f"picture {name}", name, picture.size))
-        found.append(picture)
-    return found
-
-
-def _colors(table: dict[str, Any]) -> NDArray[np.uint8] | None:
-    """Colours (N, 3) of an element: bytes, 16 bits, or fractions as floats."""
-    for names in COLOR_NAMES:
-        if set(names) <= set(table):
-            values = np.stack([table[name] for name in names], -1)
-            if values.dtype == np.uint8:
-                return np.asarray(values)
-            wide = values.astype(np.float64)
-            largest = float(np.nan_to_num(wide).max(initial=0))
-            scale = 255.0 if values.dtype.kind == "f" and largest <= 1 else 1.0
-            if values.dtype.kind in "iu" and largest > 255:
-                scale = 1 / 257
-            return as_bytes(wide, scale)
-    return None
+    shape = PlyShape(points, corners, counts, triangles, polygon)
+    add_parts(content, shape, tables, header.textures)
 
 
 def _header(data: bytes, content: MeshContent) -> Header:

@@ -57,6 +57,7 @@ def read_mesh_file(
             reader(content)
             _check_parts(content)
             surface = join(content.parts)
+            content.warnings += surface.warnings
     except InputError as error:
         raise error if str(path) in str(error) else InputError(f"{path}: {error}") from error
     except MemoryError as error:

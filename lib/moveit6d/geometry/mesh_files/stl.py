@@ -74,7 +74,7 @@ def _colors(
 def _ascii(content: MeshContent, data: bytes, count: int) -> None:
     import trimesh
 
-    data = data.lower()  # some write SOLID and FACET
+    data = data.lower().replace(b"\r\n", b"\n").replace(b"\r", b"\n")  # some write SOLID and FACET
     if b"facet" not in data:
         size = HEAD + RECORD.itemsize * max(count, 0)
         raise InputError(
