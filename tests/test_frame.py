@@ -105,7 +105,14 @@ def test_the_pixels_keep_the_lens_and_can_be_undistorted() -> None:
     assert frame.camera is camera
     assert frame.undistorted is frame.undistorted and frame.undistorted.camera.lens is None
     expected, _ = camera.undistort(torch.from_numpy(RGB).permute(2, 0, 1))
-    assert torch.equal(frame.undistorted.pixels, expected)
+    found = frame.undistorted
+    assert found.camera == camera.full_pinhole and found.camera != camera.pinhole
+    left, top = round(found.camera.cx - 19.5), round(found.camera.cy - 14.5)
+    assert torch.equal(found.pixels[:, top : top + 30, left : left + 40], expected)
+    spread = replace(camera, distortion=(0.2, 0.0, 0.0, 0.0))  # nothing lies outside of it
+    undone, pinhole = spread.undistort(torch.from_numpy(RGB).permute(2, 0, 1))
+    frame = prepare_frame(RGB, spread)
+    assert frame.undistorted.camera == pinhole and torch.equal(frame.undistorted.pixels, undone)
     plain = Frame(frame.pixels, CAMERA)
     assert plain.undistorted is plain
 

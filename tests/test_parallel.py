@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Callable
 from importlib.machinery import ModuleSpec
+from multiprocessing import active_children
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -51,6 +52,16 @@ def test_workers_are_other_processes_and_bad_input_is_a_result() -> None:
 def test_a_defect_in_a_worker_is_shown_and_ends_everything() -> None:
     with pytest.raises(RuntimeError, match="ZeroDivisionError: a defect"):
         list(run_jobs(tasks.square, [99, 99], jobs=2))
+
+
+def test_a_worker_whose_task_failed_has_ended_when_that_is_said() -> None:
+    before = set(active_children())
+    try:
+        list(run_jobs(tasks.square, [99, 5], jobs=2))
+    except RuntimeError:  # whose traceback still holds the worker
+        assert set(active_children()) <= before
+    else:
+        pytest.fail("the defect is hidden")
 
 
 def test_results_may_hold_more_tensors_than_open_files() -> None:

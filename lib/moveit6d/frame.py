@@ -35,10 +35,13 @@ class Frame:
 
     @cached_property
     def undistorted(self) -> Frame:
-        """The frame as a pinhole would have taken it, for who needs the image as a whole."""
+        """The frame as a pinhole would have taken it, for who needs the image as a whole.
+
+        Its camera is the `full_pinhole`, so that a wide lens's border is in it.
+        """
         if self.camera.lens is None:
             return self
-        return Frame(*self.camera.undistort(self.pixels))
+        return Frame(*self.camera.undistort(self.pixels, full=True))
 
     def copy(self) -> Frame:
         """The frame with pixels of its own, for who keeps it: the caller may reuse the image."""
@@ -67,13 +70,19 @@ def prepare_frame(image: ImageLike | Frame | None, camera: Camera) -> Frame:
 def _check_camera(frame: Frame, camera: Camera) -> None:
     """`InputError` for a frame that this camera did not take, with its lens or undistorted."""
     height, width = frame.pixels.shape[-2:]
-    check_size("Frame", width, height, camera)
     own = frame.camera
-    if own == camera or (own.lens is None and own.pinhole == camera.pinhole):
+    is_whole = (width, height) == (own.width, own.height)
+    if is_whole and (own == camera or _is_undistorted(own, camera)):
         return
+    check_size("Frame", width, height, camera)
     names = [one.name for one in fields(Camera)]
     other = ", ".join(name for name in names if getattr(own, name) != getattr(camera, name))
     raise InputError(
         f"Frame was prepared for a camera with other {other}; give the image itself, or prepare it "
         "with this camera."
     )
+
+
+def _is_undistorted(own: Camera, camera: Camera) -> bool:
+    """Whether a frame's own camera is that of `Frame.undistorted` of another camera's frames."""
+    return own.lens is None and own.pinhole == camera.full_pinhole

@@ -103,8 +103,9 @@ def _beside(
                 busy[worker.pipe] = (worker, index)
             for pipe in wait(list(busy)):
                 assert isinstance(pipe, Connection)
-                worker, index = busy.pop(pipe)
-                job_result = worker.take()
+                worker, index = busy[pipe]
+                job_result = worker.take()  # raises for a defect: then it is ended with the busy
+                del busy[pipe]
                 if job_result is not None:
                     idle.append(worker)
                     yield job_result

@@ -29,6 +29,12 @@ def painting(scene: Any, *meshes: Mesh, names: tuple[str, ...] = ("",)) -> Paint
     return Painting(list(meshes), names, scene.camera, TextureConfig(), True)
 
 
+def following(scene: Any, *meshes: Mesh) -> Any:
+    poses = [scene.pose(0)] * len(meshes)
+    target = OraclePolicy(Pose.stack([meshes[0].inner(scene.pose(0))] * len(meshes)))
+    return PoseTracker(list(meshes), scene.camera, poses, policy=target, renderer=make_renderer())
+
+
 def out_of_sight() -> Pose:
     return Pose(torch.eye(3, dtype=torch.float64), torch.tensor([5.0, 0, 0.5]).double())
 
@@ -37,20 +43,25 @@ def test_a_mesh_is_painted_where_its_pose_is_known(scene: Any, plain: Mesh, caps
     first = VideoFrame(3, "", scene.image(0))
     paint = painting(scene, plain)
     assert paint.kept == {FACT: {"frame": None, "reason": "the object was never tracked."}}
-    (mesh,) = paint.begin(Beginning([scene.pose(0)], [True], (), first))
+    tracker = following(scene, plain)
+    paint.begin(tracker, Beginning([scene.pose(0)], [True], (), first))
+    (mesh,) = tracker.meshes
     assert mesh.has_colours and paint.kept == {FACT: {"frame": 3}} and not paint.waiting
     paint.end()
     assert capsys.readouterr().err == ""
     coloured = painting(scene, scene.mesh)
-    assert coloured.begin(Beginning([None], [False])) == [scene.mesh] and coloured.kept == {}
+    tracker = following(scene, scene.mesh)
+    coloured.begin(tracker, Beginning([None], [False]))
+    assert tracker.meshes == [scene.mesh] and coloured.kept == {}
 
 
 def test_too_little_of_a_mesh_to_paint(scene: Any, plain: Mesh, capsys: Any) -> None:
     first, start = VideoFrame(0, "", scene.image(0)), out_of_sight()
+    tracker = following(scene, plain)
     with pytest.raises(InputError, match="too little of it"):
-        painting(scene, plain).begin(Beginning([start], [True], (), first))
+        painting(scene, plain).begin(tracker, Beginning([start], [True], (), first))
     paint = painting(scene, plain)
-    paint.begin(Beginning([start], [True], (start,), first))
+    paint.begin(tracker, Beginning([start], [True], (start,), first))
     assert "too little of it" in paint.kept[FACT]["reason"]
     paint.end()
     assert "the mesh was not painted: plain: the camera sees too little" in capsys.readouterr().err
@@ -60,13 +71,13 @@ def test_another_is_painted_once_it_is_tracked(scene: Any, plain: Mesh, capsys: 
     target = Pose.stack([plain.inner(scene.pose(0))] * 2)
     other = Mesh.from_arrays("other", plain.vertices + plain.center, plain.faces)
     paint = painting(scene, plain, other, names=("plain", "other"))
-    meshes = paint.begin(Beginning([scene.pose(0)] * 2, [False, False]))
-    assert [mesh.has_colours for mesh in meshes] == [False, False]
-    assert "plain: --texture_from_start: the pose in the first frame is" in capsys.readouterr().err
     tracker: Any = PoseTracker(
-        meshes, scene.camera, [scene.pose(0)] * 2, policy=OraclePolicy(target),
+        [plain, other], scene.camera, [scene.pose(0)] * 2, policy=OraclePolicy(target),
         renderer=make_renderer(),
     )  # fmt: skip
+    paint.begin(tracker, Beginning([scene.pose(0)] * 2, [False, False]))
+    assert [mesh.has_colours for mesh in tracker.meshes] == [False, False]
+    assert "plain: --texture_from_start: the pose in the first frame is" in capsys.readouterr().err
     frame, pose = VideoFrame(7, "", scene.image(0)), scene.pose(0)
     tracker.update(frame.image)
     before, kept = tracker.tracks[0], tracker.supervisors[1]
@@ -90,6 +101,28 @@ def test_another_is_painted_once_it_is_tracked(scene: Any, plain: Mesh, capsys: 
     said = capsys.readouterr().err
     assert "plain: frame 7: the mesh is painted from here." in said
     assert "other: the mesh was not painted: the object was never tracked." in said
+
+
+def test_instances_stay_so_whatever_each_is_painted_with(
+    clip: Clip, plain_file: str, scene: Any, use_oracle: Callable[..., None],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    use_oracle(scene.mesh, clip.true, targets=2)
+    known: list[Any] = []
+    update = PoseTracker.update
+
+    def watched(self: Any, image: Any) -> Any:
+        known.append(([mesh.has_colours for mesh in self.meshes], self._same))
+        return update(self, image)
+
+    monkeypatch.setattr(PoseTracker, "update", watched)
+    start = str(clip.folder / "start.json")
+    scene.pose(3).save(clip.folder / "beside.json")
+    assert clip.search(
+        "--mesh", plain_file, "--start", start, "--start", str(clip.folder / "beside.json"),
+        "--no_overlay", "--no_recovery", "--texture_from_start", mesh=plain_file,
+    ) in (0, 3)  # fmt: skip
+    assert known[0] == ([True, True], [[1], [0]])
 
 
 @pytest.fixture

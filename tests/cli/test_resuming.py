@@ -112,7 +112,7 @@ def test_a_track_is_gone_on_with_over_frames_that_cannot_be_read(
     ]
 
 
-@pytest.mark.parametrize("pattern", ["++---", "++-+--", "-----+-", "++----+"])
+@pytest.mark.parametrize("pattern", ["++---", "++-+--", "-----+-", "++----+", "++sss-s"])
 def test_a_tracker_that_is_told_the_rows_knows_what_the_other_knew(
     scene: Any, pattern: str
 ) -> None:
@@ -122,7 +122,8 @@ def test_a_tracker_that_is_told_the_rows_knows_what_the_other_knew(
         return PoseTracker(scene.mesh, scene.camera, start, policy=oracle, renderer=make_renderer())
 
     image, one, other = scene.image(0), tracker(), tracker()
-    frames = [VideoFrame(k, "", image if s == "+" else None) for k, s in enumerate(pattern)]
+    images = {"+": image, "-": None, "s": image[::2, ::2]}  # s: of another size
+    frames = [VideoFrame(k, "", images[s]) for k, s in enumerate(pattern)]
     for step in run_tracker(one, frames):
         tell(other, step.row)
     (before,), (after,) = one.tracks, other.tracks
@@ -132,6 +133,35 @@ def test_a_tracker_that_is_told_the_rows_knows_what_the_other_knew(
     assert (before.velocity is None) == (after.velocity is None)
     if before.velocity is not None and after.velocity is not None:
         torch.testing.assert_close(before.velocity, after.velocity, atol=1e-6, rtol=0)
+
+
+def test_an_object_that_was_found_before_is_compared_with_its_half_turns(scene: Any) -> None:
+    tracker: Any = PoseTracker(scene.mesh, scene.camera)
+    (one,) = tracker.supervisors
+    for row in (PoseRow(0, state="lost", milliseconds=1.0), PoseRow(1, state="lost")):
+        tell(tracker, row)
+    assert one.check is None
+    found = PoseRow(2, pose=scene.pose(0), confidence=0.9, milliseconds=1.0, state="uncertain")
+    tell(tracker, found)
+    assert one.check is not None and one.look._unasked > 0
+    first = one.check
+    tell(tracker, replace(found, frame=3, state="tracking"))
+    assert one.check is first, "it is found once"
+
+
+def test_what_is_live_cannot_be_gone_on_with(
+    clip: Clip, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    from moveit6d.datasets import video
+
+    class Live(video.ImageFolder):
+        live = True
+
+    monkeypatch.setattr(video, "open_frames", lambda source: Live(clip.folder / "frames"))
+    assert clip.track("--resume", video="0") == 2
+    said = capsys.readouterr().err
+    assert "--resume: 0 is live" in said and "leave out --resume and give another --output" in said
+    assert not clip.output.exists()
 
 
 def arguments(output: Path, *more: str) -> argparse.Namespace:
@@ -271,7 +301,7 @@ def test_why_earlier_frames_have_no_pose(tmp_path: Path) -> None:
         assert [one["frame"] for one in record.failures] == [0, 1, 2, 3, 4]
         return [one["error"] for one in record.failures]
 
-    lost, unread, absent = "the object is lost.", "the frame cannot be read.", "there is no pose."
+    lost, unread, absent = "the object is lost.", "the frame cannot be used.", "there is no pose."
     assert told() == [lost, unread, absent, unread, lost], "as nearly as the rows tell"
     said = {"failures": [{"frame": 3, "error": "3.png is damaged."}]}
     write_json(tmp_path / "summary.json", {**read_json(tmp_path / "summary.json"), **said})
@@ -340,7 +370,7 @@ def test_the_first_frame_is_searched_once(
     command = [
         "track", "--mesh", f"{folder}/mesh.ply", "--mesh_unit", "m", "--video", f"{folder}/frames",
         "--camera", f"{folder}/camera.json", "--output", str(clip.output), "--no_overlay",
-        "--distance", "0.1", "2",
+        "--box", "50", "40", "40", "40",
     ]  # fmt: skip
     monkeypatch.setattr("moveit6d.estimation.PoseDetector", lambda *_, **__: None)
     monkeypatch.setattr("moveit6d.cli.starting.first_pose", found)

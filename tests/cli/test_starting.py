@@ -15,6 +15,7 @@ import torch
 from moveit6d import Mesh, Pose
 from moveit6d.cli.starting import begin, first_readable
 from moveit6d.datasets.video import VideoFrame
+from moveit6d.estimation import PoseTracker
 from tests.support.clip import Clip
 
 IMAGE = np.zeros((120, 160, 3), np.uint8)
@@ -87,7 +88,16 @@ def test_a_mesh_to_be_painted_is_searched_in_the_first_frame(
     assert len(detector.asked) == 2 and float(known.starts[0].translation[2]) == 0.4  # type: ignore[union-attr]
 
 
-def test_what_is_known_of_a_frame_that_cannot_be_read(scene: Any, capsys: Any) -> None:
+def test_in_a_distance_alone_the_tracker_looks_by_itself(scene: Any) -> None:
+    def never(mesh: Mesh) -> Any:
+        raise AssertionError
+
+    args, source = options(distance=[0.2, 2.0]), iter(frames(True))
+    beginning, every = begin(args, [scene.mesh], [None], source, never)
+    assert every is source and beginning.starts == [None] and beginning.found == ()
+
+
+def test_what_is_known_of_a_frame_that_cannot_be_read(scene: Any, plain: Mesh, capsys: Any) -> None:
     detector = Detector(scene.camera, [at(0.5)])
     args = options(box=[1, 2, 30, 40], distance=[0.2, 2])
     source = iter(frames(False, True))
@@ -96,10 +106,10 @@ def test_what_is_known_of_a_frame_that_cannot_be_read(scene: Any, capsys: Any) -
     assert "the first frame cannot be read; frame 1 is searched without --box, which is of" in said
     assert detector.asked == [{"box": None, "mask": None, "points": None, "distance": [0.2, 2]}]
     assert beginning.exact == [True] and [frame.index for frame in every] == [0, 1]
-    args = options(distance=[0.2, 2])
-    begin(args, [scene.mesh], [None], iter(frames(False, True)), lambda _: detector)
+    args = options(distance=[0.2, 2], texture_from_start=True)
+    begin(args, [plain], [None], iter(frames(False, True)), lambda _: detector)
     assert "frame 1 is searched instead." in capsys.readouterr().err
-    beginning, _ = begin(args, [scene.mesh], [None], iter(frames(False)), lambda _: detector)
+    beginning, _ = begin(args, [plain], [None], iter(frames(False)), lambda _: detector)
     assert beginning.starts == [None] and beginning.first is None, "the track says why"
 
 
@@ -122,8 +132,9 @@ def test_several_are_searched_together_and_where_no_given_one_is(
         return [SimpleNamespace(instances=here), SimpleNamespace(instances=[])]
 
     monkeypatch.setattr("moveit6d.estimation.detection.detect_objects", detect)
-    meshes = [scene.mesh, scene.mesh, plain, scene.mesh]
-    args = options(4, distance=[0.2, 2.0])
+    other = Mesh.from_arrays("other", 2 * plain.vertices, plain.faces)
+    meshes = [plain, plain, other, plain]
+    args = options(4, distance=[0.2, 2.0], texture_from_start=True)
     beginning, _ = begin(
         args, meshes, [None, at(0.3), None, None], iter(frames(True)),
         lambda _: Detector(scene.camera, []),  # type: ignore[arg-type, return-value]
@@ -136,7 +147,10 @@ def test_several_are_searched_together_and_where_no_given_one_is(
     )
 
 
-@pytest.mark.parametrize("option", [["--box", "50", "40", "40", "40"], ["--distance", "0.3", "1"]])
+BOX = ["--box", "50", "40", "40", "40"]
+
+
+@pytest.mark.parametrize("option", [BOX, [*BOX, "--distance", "0.3", "1"]])
 def test_a_first_frame_that_cannot_be_read_does_not_end_a_track(
     clip: Clip, use_search: Callable[[Pose | None], list[dict[str, Any]]], option: list[str],
     capsys: Any,
@@ -145,5 +159,22 @@ def test_a_first_frame_that_cannot_be_read_does_not_end_a_track(
     (clip.folder / "frames" / "000000.png").write_bytes(b"no picture")
     assert clip.search("--no_overlay", *option) == 0
     assert "the first frame cannot be read; frame 1 is searched" in capsys.readouterr().err
-    assert asked[0]["box"] is None and (asked[0]["distance"] is None) == (option[0] == "--box")
+    assert asked[0]["box"] is None and (asked[0]["distance"] is None) == (option == BOX)
     assert clip.summary()["states"] == {"uncertain": 1, "tracking": 4}
+
+
+def test_a_start_that_is_found_is_compared_with_its_half_turns(
+    clip: Clip, use_search: Callable[[Pose | None], Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    checked: list[bool] = []
+    update = PoseTracker.update
+
+    def watched(self: Any, image: Any) -> Any:
+        checked.append(self.supervisors[0].check is not None)
+        return update(self, image)
+
+    monkeypatch.setattr(PoseTracker, "update", watched)
+    use_search(clip.true)
+    assert clip.search("--no_overlay", *BOX) == 0
+    assert clip.track("--no_overlay") == 0
+    assert checked == [True] * 5 + [False] * 5

@@ -46,7 +46,7 @@ def test_without_a_start_the_first_pose_found_is_drawn(
 ) -> None:
     use_search(clip.true)
     (clip.folder / "frames" / "000000.png").write_bytes(b"no picture")
-    assert clip.search("--distance", "0.2", "1") == 0
+    assert clip.search("--box", "50", "40", "40", "40", "--distance", "0.2", "1") == 0
     assert (clip.output / "start.png").is_file()
 
 

@@ -8,13 +8,31 @@ import pytest
 import torch
 
 from moveit6d import Pose, PoseDetector, PoseTracker, load_policy
-from moveit6d.config import DetectorConfig, RecoveryConfig, TrackerConfig
+from moveit6d.config import DetectorConfig, LoopConfig, RecoveryConfig, TrackerConfig
 from moveit6d.errors import InputError
 from moveit6d.estimation import StopReason, TrackingResult
 from moveit6d.estimation.detection import Detection, Evidence, FoundPose
 from moveit6d.estimation.detection.steps import Steps, finish
-from moveit6d.estimation.half_turns import HalfTurnCheck, half_turned, is_turned_over
+from moveit6d.estimation.half_turns import (
+    HalfTurnCheck,
+    half_turned,
+    is_turned_over,
+    likelier_half_turn,
+)
+from moveit6d.estimation.results import Start
+from moveit6d.frame import prepare_frame
 from moveit6d.geometry.rotation import exp_so3
+from moveit6d.rendering.backends import make_renderer
+from tests.support.near_sighted import Numbered
+
+
+def test_half_turns_are_known_by_their_objects_number(scene: Any) -> None:
+    policy = Numbered(scene.mesh.inner(scene.pose(0)), 21.0)
+    frame = prepare_frame(scene.image(0), scene.camera)
+    start = Start(frame, scene.mesh, scene.mesh.inner(scene.pose(0)))
+    tools: Any = {"policy": policy, "renderer": make_renderer(), "loop": LoopConfig()}
+    likelier_half_turn(HalfTurnCheck(), start, 0.9, target=4, **tools)
+    assert policy.numbers == {4}
 
 
 def test_a_half_turn_keeps_the_box_in_its_place(scene: Any) -> None:

@@ -1,6 +1,7 @@
 """Multi-start refinement: only at low confidence, only where the camera sees, the best wins."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from moveit6d.geometry.pose import Pose
 from moveit6d.rendering.backends import make_renderer
 from tests.support.configs import HIGH_CONFIDENCE, LOOP_ONLY, NO_CONTOUR
 from tests.support.meshes import colored_box
-from tests.support.near_sighted import NearSighted
+from tests.support.near_sighted import NearSighted, Numbered
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
 GRAY = np.full((240, 320, 3), 90, np.uint8)
@@ -111,6 +112,18 @@ def test_the_most_confident_end_wins_and_pays_for_the_others(brick: Mesh) -> Non
     assert found.centred is not None and found.confidence == results[0].confidence
     torch.testing.assert_close(found.centred.matrix, truth.matrix)
     assert found.milliseconds > results[1].milliseconds
+
+
+def test_other_starts_are_known_by_their_objects_numbers(brick: Mesh) -> None:
+    policy = Numbered(brick.inner(at(0.012)), 21.0)
+    starts = starts_of([Target(GRAY, CAMERA, brick, at(0.012))])
+    results = refine_starts(starts, policy=policy, renderer=RENDERER)
+    tools: Any = {"policy": policy, "renderer": RENDERER, "config": NO_CONTOUR}
+    for race in (False, True):
+        for numbers, expected in ((None, {1}), ([3, 5], {5})):
+            policy.numbers.clear()
+            most_confident(results * 2, [[], starts * 2], race=race, targets=numbers, **tools)
+            assert policy.numbers == expected
 
 
 def test_the_papers_policy_does_not_search(brick: Mesh) -> None:

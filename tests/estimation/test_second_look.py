@@ -13,7 +13,7 @@ from moveit6d.config import MultiStartConfig, RecoveryConfig, SecondLookConfig, 
 from moveit6d.estimation import StopReason, TrackingResult
 from moveit6d.estimation.detection import Detection, Evidence, FoundPose
 from moveit6d.estimation.detection.steps import Steps
-from moveit6d.estimation.results import Start
+from moveit6d.estimation.results import Refined, Start
 from moveit6d.estimation.second_look import SecondLook
 from moveit6d.frame import Frame, prepare_frame
 from moveit6d.geometry.rotation import exp_so3
@@ -130,6 +130,25 @@ def test_only_with_a_time_limit_a_search_keeps_a_copy_of_the_image(scene: Any, p
         seen = searches.frames[0].pixels
         assert (seen.data_ptr() == frame.pixels.data_ptr()) is same
         assert torch.equal(seen, frame.pixels)
+
+
+def test_a_second_look_knows_its_objects_number(
+    scene: Any, policy: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+
+    def refined(starts: Any, *, targets: Any, **_: Any) -> list[Refined]:
+        asked.append(targets)
+        return [Refined(None, 0, StopReason.FAILED, 0.0, 1.0)]
+
+    monkeypatch.setattr("moveit6d.estimation.second_look.refine_starts", refined)
+    look = SecondLook(
+        PoseDetector(scene.mesh, scene.camera, policy=policy), RecoveryConfig(), target=4
+    )
+    look.detector.steps = Searches(scene.pose(0))  # type: ignore[assignment,method-assign]
+    frame = prepare_frame(scene.image(0), scene.camera)
+    look.better(Start(frame, scene.mesh, scene.mesh.inner(scene.pose(0))), 0.1)
+    assert asked == [[4]]
 
 
 def test_another_instance_is_not_a_better_pose(scene: Any, policy: Any) -> None:

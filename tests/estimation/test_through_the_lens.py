@@ -82,7 +82,7 @@ def test_detection_sees_the_image_without_the_lens(brick: Mesh) -> None:
 
     with pytest.raises(StopIteration):
         Looking(brick, camera, config=SeedDetectorConfig((0.3,))).detect(distorted)
-    assert seen == [camera.pinhole]
+    assert seen == [camera.full_pinhole]
 
 
 def test_milliseconds_hold_the_preparation_of_the_frame(

@@ -192,3 +192,16 @@ def test_a_generator_of_symmetries_stands_for_all_of_its_powers(brick: Mesh) -> 
     there = moving(post, 0)
     track.add(Pose(there.rotation @ half, there.translation), 0.9)
     torch.testing.assert_close(track.centred.matrix, there.matrix)
+
+
+def test_what_leads_from_a_found_pose_to_that_of_the_same_frame_is_no_motion(brick: Mesh) -> None:
+    track = above_high(
+        TrackState.begin(brick, moving(brick, 0)), *[moving(brick, k) for k in (1, 2)]
+    )
+    assert track.velocity is not None
+    found = track.begin_again(moving(brick, 5), None)
+    found.add(moving(brick, 6), 1.0)
+    assert not found.slow and found.velocity is None and found.mean_velocity is None
+    assert len(found.starts()) == 1
+    found.add(moving(brick, 7), 1.0)
+    torch.testing.assert_close(found.starts()[1].matrix, moving(brick, 8).matrix)

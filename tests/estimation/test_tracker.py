@@ -30,7 +30,7 @@ from moveit6d.rendering.backends import make_renderer
 from tests.support import pictures
 from tests.support.configs import ALWAYS_CONTOUR, LOOP_ONLY, LOW_CONFIDENCE, NO_CONTOUR
 from tests.support.meshes import box_arrays
-from tests.support.near_sighted import NearSighted
+from tests.support.near_sighted import NearSighted, Numbered
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
 GRAY = np.full((240, 320, 3), 90, np.uint8)
@@ -399,7 +399,7 @@ def test_half_turns_are_shown_what_the_pose_is_shown(
         starts.append(start)
         return [Refined(start.centred, 1, StopReason.STOP_ACTION, 0.1, 1.0)] * 3
 
-    monkeypatch.setattr("moveit6d.estimation.tracker.refined_half_turns", refined)
+    monkeypatch.setattr("moveit6d.estimation.half_turns.refined_half_turns", refined)
     policy = OraclePolicy(Pose.stack([brick.inner(at(0.0))]), ActionMode.ALL_AXES)
     tracker = PoseTracker(brick, CAMERA, at(0.0), policy=policy, config=LOOP_ONLY)
     known = KeyframeMemory(KeyframeConfig())
@@ -407,3 +407,95 @@ def test_half_turns_are_shown_what_the_pose_is_shown(
     tracker.supervisors[0].check = HalfTurnCheck()
     tracker.update(GRAY)
     assert [start.keyframes for start in starts] == [known]
+
+
+class Describing(Numbered):
+    """Has descriptors, so that lost objects are looked for."""
+
+    def descriptors(self, images: torch.Tensor) -> torch.Tensor:
+        return torch.zeros(len(images), 8, images.shape[2] // 8, images.shape[3] // 8)
+
+
+def searched_within(near: float, far: float) -> TrackerConfig:
+    return TrackerConfig(recovery=RecoveryConfig(distance=(near, far)))
+
+
+def test_a_distance_too_far_for_an_object_is_refused_before_the_first_frame(brick: Mesh) -> None:
+    policy = Describing(brick.inner(at(0.0)), 21.0)
+    widest = 300 * brick.sphere_diameter / 16  # metres, in the image's middle
+    for start in (None, at(0.0)):
+        PoseTracker(brick, CAMERA, start, policy=policy, config=searched_within(0.9 * widest, 60))
+        # In the image's corners alone it would be wide enough.
+        for near in (1.1 * widest, 50.0):
+            with pytest.raises(InputError, match="too small to be found"):
+                PoseTracker(brick, CAMERA, start, policy=policy, config=searched_within(near, 60.0))
+    blind = NearSighted(brick.inner(at(0.0)), 21.0)
+    PoseTracker(brick, CAMERA, at(0.0), policy=blind, config=searched_within(50, 60))
+
+
+def test_a_distance_is_checked_in_the_image_that_is_searched(brick: Mesh) -> None:
+    camera = Camera.from_matrix(
+        [[600.0, 0, 999.5], [0, 600, 999.5], [0, 0, 1]], 2000, 2000, [0.0] * 4,
+        distortion_model="fisheye",
+    )  # fmt: skip
+    policy, side = Describing(brick.inner(at(0.0)), 21.0), camera.full_pinhole.width
+    assert side > 2200, "or the test says nothing"
+    widest = 600 * brick.sphere_diameter / (side / 60)
+    config = searched_within(0.99 * widest, 60)
+    PoseTracker(brick, camera, at(0.0), policy=policy, config=config)
+    with pytest.raises(InputError, match="too small to be found"):
+        config = searched_within(1.01 * widest, 60)
+        PoseTracker(brick, camera, at(0.0), policy=policy, config=config)
+
+
+def test_poses_that_a_search_gave_are_compared_with_their_half_turns(brick: Mesh) -> None:
+    policy = Describing(brick.inner(at(0.0)), 21.0)
+    tracker: Any = PoseTracker([brick] * 2, CAMERA, [at(0.0), None], policy=policy, found=True)
+
+    def checked() -> list[bool]:
+        looks = [one.look._unasked > 0 for one in tracker.supervisors]
+        found = [one.check is not None for one in tracker.supervisors]
+        assert looks == found
+        return found
+
+    assert checked() == [True, False], "none is known of the other"
+    tracker.reset([at(0.0), at(0.1)])
+    assert checked() == [False, False]
+    tracker.reset([at(0.0), at(0.1)], found=[False, True])
+    assert checked() == [False, True]
+    with pytest.raises(InputError, match="found: 2 are needed, or one, found 1"):
+        tracker.reset([at(0.0), at(0.1)], found=[True])
+    never = TrackerConfig(recovery=RecoveryConfig(enabled=False))
+    alone = PoseTracker(brick, CAMERA, at(0.0), policy=policy, config=never, found=True)
+    assert alone.supervisors[0].check is None
+
+
+def test_a_mesh_may_be_replaced_by_one_of_its_shape(brick: Mesh) -> None:
+    vertices, faces = brick.vertices + brick.center, brick.faces
+    plain = Mesh.from_arrays("plain", vertices, faces)
+    policy = Describing(plain.inner(at(0.0)), 21.0)
+    tracker: Any = PoseTracker(
+        [plain, plain], CAMERA, [at(0.0), at(0.1)], policy=policy, found=[True, False]
+    )
+    before, kept = tracker.tracks[0], tracker.supervisors[1]
+    tracker.replace_mesh(0, brick, at(0.0))
+    assert tracker.meshes == [brick, plain] and tracker.supervisors[1] is kept
+    assert tracker.tracks[0].mesh is brick and tracker.tracks[0].centred is before.centred
+    assert tracker.supervisors[0].coloured and tracker.supervisors[0].check is not None
+    assert tracker._taken(0, [1]) != [], "they are instances of one object still"
+    larger = Mesh.from_arrays("larger", 2 * vertices, faces)
+    with pytest.raises(InputError, match="larger has another size or middle than brick"):
+        tracker.replace_mesh(0, larger, at(0.0))
+    assert tracker.meshes == [brick, plain]
+
+
+def test_whatever_is_tried_for_an_object_has_its_number(brick: Mesh) -> None:
+    policy = Describing(brick.inner(at(0.0)), 0.0, doubt=0.3)
+    never = dataclasses.replace(RecoveryConfig().second_look, below=0.0, after_found=0)
+    config = dataclasses.replace(NO_CONTOUR, recovery=RecoveryConfig(second_look=never))
+    other = dataclasses.replace(brick, name="other")
+    tracker: Any = PoseTracker([other, brick], CAMERA, [None, at(0.0)], policy=policy,
+                               config=config, found=True)  # fmt: skip
+    tracker.supervisors[0].search = lambda *_: None
+    tracker.update(GRAY)
+    assert policy.numbers == {1}, "the first one is lost"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -67,10 +66,7 @@ def test_a_bad_frame_fails_alone(scene: Any, tracker: PoseTracker, image: Any, w
     steps = list(run_tracker(tracker, frames))
     assert [step.row.pose is None for step in steps] == [False, True, False]
     row = steps[1].row
-    assert replace(row, milliseconds=None) == PoseRow(
-        1, "b", stopped_by="failed", state="uncertain"
-    )
-    assert (row.milliseconds is None) == (image is None)
+    assert row == PoseRow(1, "b", stopped_by="failed", state="uncertain"), "it took no time"
     assert steps[1].error is not None and words in steps[1].error
 
 

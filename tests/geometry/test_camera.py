@@ -157,6 +157,26 @@ def test_images_of_every_layout_are_undistorted() -> None:
     assert LENS.undistort(batch[:0])[0].shape == (0, 1, 3, 48, 64)
 
 
+def test_the_full_image_without_the_lens_holds_the_usual_one() -> None:
+    image = np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8)
+    barrel = Camera(40, 40, 31.5, 23.5, 64, 48, (-0.2, 0.03, 0.0, 0.0))
+    usual, found = barrel.undistort(image)[0], barrel.full_pinhole
+    left, top = round(found.cx - barrel.cx), round(found.cy - barrel.cy)
+    assert left > 2 and top > 2 and found.fx == 40 and found.lens is None
+    whole = np.moveaxis(image, -1, 0)[None].repeat(2, 0)
+    for one, shape in (
+        (image, (found.height, found.width, 3)),
+        (image[..., 0], (found.height, found.width)),
+        (torch.from_numpy(whole), (2, 3, found.height, found.width)),
+    ):
+        full, camera = barrel.undistort(one, full=True)
+        assert type(full) is type(one) and full.shape == shape and camera == found
+        flat = np.moveaxis(np.asarray(full)[1], 0, -1) if len(shape) == 4 else np.asarray(full)
+        inner = flat[top : top + 48, left : left + 64]
+        np.testing.assert_array_equal(inner, usual if len(shape) > 2 else usual[..., 0])
+    assert CAMERA.full_pinhole == CAMERA
+
+
 @pytest.mark.parametrize("camera", [LENS, LENS.pinhole])
 @pytest.mark.parametrize(
     ("image", "words"),

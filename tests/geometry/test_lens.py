@@ -264,3 +264,54 @@ def test_strong_and_long_lenses_are_none_of_those(
     k = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
     camera = Camera.from_matrix(k, width, height, lens, model)
     assert camera == Camera(*numbers, lens, model)
+
+
+WEBCAM = Camera(1000, 1000, 639.5, 359.5, 1280, 720, (-0.3, 0.09, 0.0, 0.0, 0.0))
+
+
+def shown_by(camera: Camera, pinhole: Camera) -> np.ndarray:
+    """Which of pixels all over a camera's picture a pinhole camera shows, too, within 2 pixels."""
+    assert camera.lens is not None
+    x, y = np.meshgrid(np.linspace(0, camera.width - 1, 33), np.linspace(0, camera.height - 1, 25))
+    pixels = np.stack([x, y], -1).reshape(-1, 2)
+    rays = camera.lens.directions(pixels, camera.matrix.numpy())
+    places = pinhole.project(rays).numpy()
+    ahead = (rays[:, 2] > 0)[:, None]
+    return (ahead & (places > -2) & (places < [pinhole.width + 1, pinhole.height + 1])).all(1)
+
+
+@pytest.mark.parametrize("camera", [WEBCAM, *CAMERAS], ids=["webcam", *NAMES])
+def test_the_full_pinhole_shows_all_that_the_lens_does(camera: Camera) -> None:
+    found = camera.full_pinhole
+    assert found.lens is None and (found.fx, found.fy) == (camera.fx, camera.fy)
+    assert shown_by(camera, found).all()
+    assert (found.cx - camera.cx).is_integer() and (found.cy - camera.cy).is_integer()
+
+
+def test_the_usual_pinhole_loses_the_border_of_a_barrel_lens() -> None:
+    assert shown_by(WEBCAM, WEBCAM.pinhole).mean() < 0.85
+
+
+@pytest.mark.parametrize(
+    "lens", [(0.2, 0.05, 0.0, 0.0), (0.1, 0.0, 0.001, 0.001), (-1e-5, 0, 0, 0)]
+)
+def test_where_nothing_is_lost_the_full_pinhole_is_the_usual_one(lens: tuple[float, ...]) -> None:
+    camera = Camera(400, 400, 159.5, 119.5, 320, 240, lens)
+    assert camera.full_pinhole == camera.pinhole
+
+
+@pytest.mark.parametrize(("focal", "shown"), [(1200, 1.0), (611, 0.9), (500, 0.75)])
+def test_the_full_pinhole_is_of_a_bounded_size(focal: int, shown: float) -> None:
+    camera = Camera(focal, focal, 639.5, 479.5, 1280, 960, (0.0,) * 4, "fisheye")
+    found = camera.full_pinhole
+    assert 1280 * 960 < found.width * found.height <= 3 * 1280 * 960
+    assert shown_by(camera, found).mean() >= shown > shown_by(camera, camera.pinhole).mean()
+    assert np.degrees(np.arctan(found.width / 2 / focal)) < 65.1
+    # So wide a lens shows more than 65 degrees within the usual image.
+    wider = Camera(200, 200, 639.5, 479.5, 1280, 960, (0.0,) * 4, "fisheye")
+    assert wider.full_pinhole == wider.pinhole
+
+
+def test_a_window_beside_the_axis_has_a_full_pinhole() -> None:
+    window = WEBCAM.crop(900, 50, 300, 200)  # the axis is outside of it
+    assert shown_by(window, window.full_pinhole).all()

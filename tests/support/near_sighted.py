@@ -35,3 +35,14 @@ class NearSighted:
         near = delta.abs().amax(-1) < self.reach
         confidence = torch.where(near, 0.95, self.doubt)
         return PolicyOutput(torch.zeros(count, 13), delta * near[:, None], confidence)
+
+
+@dataclasses.dataclass
+class Numbered(NearSighted):
+    """Keeps the numbers of the objects that it is asked for."""
+
+    numbers: set[int] = dataclasses.field(default_factory=set)
+
+    def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
+        self.numbers |= set(state.target.tolist())
+        return super().predict(observation, state)

@@ -6,7 +6,6 @@ Never finds a pose.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
@@ -66,8 +65,8 @@ class Painting:
         for number in self.waiting:
             self._record(number, None, NEVER)
 
-    def begin(self, beginning: Beginning) -> list[Mesh]:
-        """The meshes to begin with: painted where the pose in the first frame is known.
+    def begin(self, tracker: AnyTracker, beginning: Beginning) -> None:
+        """Paint the meshes whose pose in the first frame is known; the tracker follows those.
 
         `InputError` where the frame shows too little of an object at a given pose.
         """
@@ -77,6 +76,7 @@ class Painting:
                 continue
             try:
                 mesh = painted(self.meshes[number], pose, first, self.camera, self.config)
+                tracker.replace_mesh(number, mesh, pose)
             except InputError as error:
                 if not beginning.found:
                     raise
@@ -88,7 +88,6 @@ class Painting:
                 f"{self._prefix(number)}--texture_from_start: the pose in the first frame is not "
                 "known; the mesh is painted once the object is tracked."
             )
-        return list(self.meshes)
 
     def see(self, tracker: AnyTracker, frame: VideoFrame, rows: Sequence[PoseRow]) -> None:
         """Paint what waits for it and is tracked in this frame; the tracker then follows that."""
@@ -100,7 +99,7 @@ class Painting:
                 continue
             try:
                 mesh = painted(self.meshes[number], pose, frame, self.camera, self.config)
-                _follow(tracker, number, mesh, pose)
+                tracker.replace_mesh(number, mesh, pose)
             except InputError as error:
                 self._record(number, None, str(error))
             else:
@@ -129,21 +128,3 @@ class Painting:
 
     def _prefix(self, number: int) -> str:
         return f"{self.names[number]}: " if self.names[number] else ""
-
-
-def _follow(tracker: AnyTracker, number: int, mesh: Mesh, pose: Pose) -> None:
-    """Let a tracker follow one object by another mesh of the same shape.
-
-    What is known of its way, and everything of the others, stays; its state, which knows colours,
-    and what looks for it when it is lost are made anew. `InputError` where no track can begin.
-    """
-    from ..estimation import PoseTracker
-
-    fresh = PoseTracker(
-        [mesh], tracker.camera, [pose], policy=tracker.policy, renderer=tracker.renderer,
-        config=tracker.config, store=tracker.store, threads=tracker.threads,
-    ).supervisors[0]  # fmt: skip
-    # Keyframes are kept of meshes without colours only.
-    track = replace(tracker.tracks[number], mesh=mesh, keyframes=None, sure_keyframes=None)
-    tracker.meshes[number], tracker.tracks[number] = mesh, track
-    tracker.supervisors[number] = fresh

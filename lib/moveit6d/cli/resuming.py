@@ -33,7 +33,7 @@ from .settings import fields_of
 
 if TYPE_CHECKING:
     from ..datasets.pose_files import PoseRow
-    from ..datasets.video import VideoFrame
+    from ..datasets.video import FrameSource, VideoFrame
     from ..estimation.recovery import Supervisor
     from ..evaluation.run_tracker import AnyTracker
     from ..geometry.pose import Pose
@@ -85,6 +85,18 @@ def earlier_tracks(
         }
         tracks.append(Earlier(own, failures, start))
     return tracks
+
+
+def check_resume(args: argparse.Namespace, frames: FrameSource) -> None:
+    """`InputError` where --resume is given and the frames of the track so far do not come again."""
+    from ..datasets.video import is_live
+
+    if args.resume and is_live(frames):
+        raise InputError(
+            f"--resume: {args.video} is live, and the frames of the track so far do not come "
+            "again; leave out --resume and give another --output, and --start where the object is "
+            "now, if that is known."
+        )
 
 
 def earlier_rows(
@@ -180,7 +192,7 @@ def _failure(row: PoseRow) -> str:
     from ..estimation.states import TrackingState
 
     if row.milliseconds is None:
-        return "the frame cannot be read."
+        return "the frame cannot be used."
     return "the object is lost." if row.state == TrackingState.LOST else "there is no pose."
 
 
@@ -276,7 +288,8 @@ def tell(tracker: AnyTracker, row: PoseRow, number: int = 0) -> None:
 
     track, supervisor = tracker.tracks[number], tracker.supervisors[number]
     if row.pose is None and row.milliseconds is None:
-        return  # a frame that could not be read tells a tracker nothing
+        return  # a frame that could not be used tells a tracker nothing
+    was_lost = supervisor.lost
     if row.pose is None:
         track.miss()
         supervisor.missed()
@@ -285,6 +298,8 @@ def tell(tracker: AnyTracker, row: PoseRow, number: int = 0) -> None:
         supervisor.machine.update(_probability(supervisor, row))
     if row.state:
         supervisor.tell(row.state)
+    if was_lost and not supervisor.lost:
+        supervisor.was_found()
 
 
 def _probability(supervisor: Supervisor, row: PoseRow) -> float:

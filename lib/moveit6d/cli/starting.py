@@ -12,7 +12,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from .messages import note
-from .narrowing import OF_ONE_FRAME, first_pose, is_narrowed, known_of
+from .narrowing import OF_ONE_FRAME, first_pose, known_of
 from .objects import object_names
 
 if TYPE_CHECKING:
@@ -48,13 +48,15 @@ def begin(
 ) -> tuple[Beginning, Iterator[VideoFrame]]:
     """Where the objects are in the first frame that can be read, and all frames.
 
-    It is searched where options say where to look, and for meshes that are to be painted there.
+    It is searched where options say where to look in it, and for meshes that are to be painted
+    there; in a distance that holds for the whole video the tracker looks by itself.
     `given` are the poses of --start; `before` is what a track that is gone on with has found.
     """
+    narrowed = any(getattr(args, name) is not None for name in OF_ONE_FRAME)
     searched = [
         number
         for number, (mesh, pose) in enumerate(zip(meshes, given, strict=True))
-        if pose is None and (is_narrowed(args) or _is_painted(args, mesh))
+        if pose is None and (narrowed or _is_painted(args, mesh))
     ]
     if not searched and not any(_is_painted(args, mesh) for mesh in meshes):
         return Beginning(given, [pose is not None for pose in given]), frames

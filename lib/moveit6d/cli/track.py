@@ -33,7 +33,14 @@ from .not_found import say_why
 from .objects import load_meshes, note_without_colours, object_names, read_starts
 from .painting import Painting
 from .reporting import check_report, check_rerun
-from .resuming import cut_to_frames, earlier_tracks, found_line, going_on, track_facts
+from .resuming import (
+    check_resume,
+    cut_to_frames,
+    earlier_tracks,
+    found_line,
+    going_on,
+    track_facts,
+)
 from .settings import EVERYTHING, SettingsPart
 from .starting import Beginning, begin
 from .track_files import TrackFiles, files_of, track_files
@@ -97,7 +104,7 @@ files written to --output:
                 probability,milliseconds,state;
                 one row a frame (of several objects one row each, with a column object before
                 state), empty numbers where there is no pose; the state is tracking, uncertain
-                (it may be wrong, or the frame was of no use) or lost
+                (it may be wrong, or the frame was of no use: then without milliseconds) or lost
   overlay.mp4   outline and axes drawn on the frames (red where the confidence is low)
   start.png     the start pose, given or found, drawn on the first frame
   summary.json  frames, failed frames, milliseconds, states and events (from which frame to which
@@ -106,7 +113,8 @@ files written to --output:
   --rerun       the run for the rerun viewer (needs: pip install 'moveit6d[rerun]')
 
 --resume goes on with a track that was interrupted or killed, given the arguments and settings that
-it was begun with (poses.csv.unfinished holds them until summary.json is written). The report shows
+it was begun with (poses.csv.unfinished holds them until summary.json is written); not with one of
+a live source, whose frames do not come again. The report shows
 the whole track; a video and a file for rerun hold the new frames and have the number of the first
 one in their names: overlay_000123.mp4.
 
@@ -203,6 +211,7 @@ def run(args: argparse.Namespace) -> int:
     check_first(args)
     meshes, names = load_meshes(args), object_names(args.mesh)
     starts, frames = _starts(args, meshes), open_frames(args.video)
+    check_resume(args, frames)
     camera = camera_of(args, frames)
     _check_files(args, frames, names)
     setting = searching_within(Setting.of(args), args.distance)
@@ -262,7 +271,13 @@ def _begun(
     before = tuple(pose for one in earlier for pose in one.found)
     detector = partial(PoseDetector, camera=camera, **tools)
     beginning, frames = begin(args, meshes, given, frames, detector, before)
-    tracker = PoseTracker(painting.begin(beginning), camera, beginning.starts, **tools)
+    found = [
+        start is None and pose is not None
+        for start, pose in zip(given, beginning.starts, strict=True)
+    ]
+    # Which objects are instances of one mesh is decided before each is painted by its own view.
+    tracker = PoseTracker(meshes, camera, beginning.starts, found=found, **tools)
+    painting.begin(tracker, beginning)
     return tracker, beginning, frames
 
 

@@ -32,7 +32,7 @@ def check_types(config: Any, name: str = "") -> None:
     name = name or type(config).__name__
     kinds = typing.get_type_hints(type(config), vars(sys.modules[type(config).__module__]))
     for field in dataclasses.fields(config):
-        value, kind = getattr(config, field.name), kinds[field.name]
+        value, kind = vars(config)[field.name], kinds[field.name]
         _check(value, kind, f"{name}.{field.name}")
         if dataclasses.is_dataclass(value):
             check_types(value, f"{name}.{field.name}")

@@ -36,11 +36,12 @@ def half_turned(mesh: Mesh, centred: Pose) -> list[Pose]:
 
 
 def refined_half_turns(
-    start: Start, *, policy: Policy, renderer: Renderer, loop: LoopConfig
+    start: Start, *, policy: Policy, renderer: Renderer, loop: LoopConfig, target: int = 0
 ) -> list[Refined]:
-    """Where the loop ends from the half turns of a start."""
+    """Where the loop ends from the half turns of a start of the object with this number."""
     starts = [replace(start, centred=pose) for pose in half_turned(start.mesh, start.centred)]
-    return refine_starts(starts, policy=policy, renderer=renderer, loop=loop)
+    targets = [target] * len(starts)
+    return refine_starts(starts, policy=policy, renderer=renderer, loop=loop, targets=targets)
 
 
 def is_turned_over(before: Pose, after: Pose) -> bool:
@@ -89,3 +90,24 @@ class HalfTurnCheck:
             return None
         self.restart()
         return best
+
+
+def likelier_half_turn(
+    check: HalfTurnCheck,
+    start: Start,
+    confidence: float,
+    *,
+    policy: Policy,
+    renderer: Renderer,
+    loop: LoopConfig,
+    target: int = 0,
+) -> Refined | None:
+    """Where the loop ends from that half turn of a pose which is likelier than the pose, if any.
+
+    `start` is the pose, `confidence` its own. Tried in the frames that the check asks for.
+    """
+    if not check.is_due():
+        return None
+    turned = refined_half_turns(start, policy=policy, renderer=renderer, loop=loop, target=target)
+    best = check.better(confidence, [one.confidence for one in turned])
+    return None if best is None else turned[best]

@@ -57,14 +57,18 @@ def most_confident(
     renderer: Renderer,
     config: TrackerConfig,
     race: bool = False,
+    targets: Sequence[int] | None = None,
 ) -> list[Refined]:
     """Each result, or that of one of its other starts if it is more confident.
 
-    With `race` only the most confident of the other starts goes on after one iteration.
-    `iterations` are those of the loop that ended there; `milliseconds` include the others' loops.
+    `targets` are the numbers by which the policy knows the results' objects (`LoopState.target`);
+    those of the results if None. With `race` only the most confident of the other starts goes on
+    after one iteration. `iterations` are those of the loop that ended there; `milliseconds` include
+    the others' loops.
     """
     begin = time.perf_counter()
     found = list(results)
+    known = range(len(results)) if targets is None else targets
     for part in _batches(others, config.multi_start.batch_size, race):
         owners = [i for i, _ in part]
         ends = refine_starts(
@@ -73,7 +77,7 @@ def most_confident(
             renderer=renderer,
             loop=config.loop,
             groups=owners if race else None,
-            targets=owners,
+            targets=[known[i] for i in owners],
         )
         for i, end in zip(dict.fromkeys(owners) if race else owners, ends, strict=True):
             if end.centred is not None and end.confidence > found[i].confidence:

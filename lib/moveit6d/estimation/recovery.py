@@ -9,7 +9,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..config import RecoveryConfig
+from ..errors import InputError
 from ..frame import Frame
+from ..geometry.camera import Camera
+from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from .catch_up import CatchUp
 from .detection import PoseDetector, SearchRegion
@@ -51,6 +54,31 @@ class Supervisor:
         self._near = found
         self.check: HalfTurnCheck | None = None  # of a pose that a search found
 
+    @staticmethod
+    def begin(
+        detector: PoseDetector | None,
+        config: RecoveryConfig,
+        mesh: Mesh,
+        known: bool,
+        number: int = 0,
+    ) -> Supervisor:
+        """What watches the object with this number, whose pose is `known` or is to be looked for.
+
+        `InputError` if it cannot be looked for, or not in the distances of the settings.
+        """
+        look = None
+        if detector is not None:
+            _check_distance(config.distance, mesh, detector)
+            if config.max_milliseconds is not None:
+                detector.prepare()  # a second or two, which no frame has then
+            look = SecondLook(detector, config, number)
+        elif not known:
+            raise InputError(
+                "There is no start pose, and this policy or configuration cannot look for the "
+                "object; give a start pose."
+            )
+        return Supervisor(detector, config, known, look, mesh.has_colours)
+
     @property
     def lost(self) -> bool:
         """Whether the object is looked for instead of followed."""
@@ -60,6 +88,22 @@ class Supervisor:
         """Go on from the state of an earlier frame, which `TrackingState` knows by this name."""
         self.machine.state = TrackingState(state)
         self._near = self._near or self.machine.state is TrackingState.TRACKING
+
+    def was_found(self) -> None:
+        """The object's pose comes from a search: compare it with its half turns, and look again.
+
+        Not where recovery is switched off.
+        """
+        if not self.config.enabled:
+            return
+        self.check = HalfTurnCheck(self.config)
+        if self.look is not None:
+            self.look.was_found()
+
+    def forget_half_turns(self) -> None:
+        """The object is followed from another pose: the comparison with half turns begins anew."""
+        if self.check is not None:
+            self.check.restart()
 
     def probability(self, confidence: float, agreement: float) -> float:
         """`probability_of` a pose of this object."""
@@ -147,10 +191,29 @@ class Supervisor:
         self._waiting = self._interval - 1 if self.config.max_milliseconds is None else 0
         self._interval = min(2 * self._interval, self.config.interval)
         self._near = False
-        self.check = HalfTurnCheck(self.config)
-        if pose is not None and self.look is not None:
-            self.look.was_found()
+        self.check = HalfTurnCheck(self.config)  # says that a search has ended
+        if pose is not None:
+            self.was_found()
         return pose
+
+
+def _check_distance(
+    distance: tuple[float, float] | None, mesh: Mesh, detector: PoseDetector
+) -> None:
+    """`InputError` where an object is too small to be found, in the image's middle, so far away."""
+    if distance is None:
+        return
+    camera = detector.camera.full_pinhole  # that of the images that are searched
+    # There an object is seen narrowest; near its last pose it may be looked for just there.
+    region = SearchRegion(box=_middle(camera), distance=distance)
+    region.widths(mesh, camera, detector.config.match.widths)
+
+
+def _middle(camera: Camera) -> tuple[float, float, float, float]:
+    """The image's pixel that is nearest to the camera's axis, as a box."""
+    u = min(max(camera.cx, 0.0), camera.width - 1.0)
+    v = min(max(camera.cy, 0.0), camera.height - 1.0)
+    return u, v, 0.0, 0.0
 
 
 def _failed(error: str, state: TrackingState) -> TrackingResult:

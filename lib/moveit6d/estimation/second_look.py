@@ -25,9 +25,10 @@ class SecondLook:
     Args:
         detector: finds the object; its settings are replaced by those of second looks.
         config: when to look, and how long.
+        target: the number by which the policy knows the object (`LoopState.target`).
     """
 
-    def __init__(self, detector: PoseDetector, config: RecoveryConfig) -> None:
+    def __init__(self, detector: PoseDetector, config: RecoveryConfig, target: int = 0) -> None:
         look, settings = config.second_look, detector.settings
         searching = replace(
             settings.detection,
@@ -44,6 +45,7 @@ class SecondLook:
             threads=detector.threads,
         )
         self.config, self.recovery, self.limit = look, config, config.max_milliseconds
+        self.target = target
         self._search: CatchUp | None = None
         self._waiting, self._unasked = 0, 0
         self._evidence = look.evidence
@@ -69,6 +71,7 @@ class SecondLook:
             policy=detector.policy,
             renderer=detector.renderer,
             loop=detector.settings.loop,
+            targets=[self.target],
         )[0]
         if other.centred is None or detector.is_taken(other.centred, taken):
             return None

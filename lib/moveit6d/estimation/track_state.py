@@ -32,9 +32,10 @@ class TrackState:
     (2, 3) the mean velocity up to it and `frames_unconfident` the number of frames since.
     `frames_low` counts the frames in a row whose confidence was low.
     `above_low` and `above_high` say which thresholds the last confidence reached, `slow` that the
-    object is confidently tracked and hardly moved. `histograms` are the colours of the object and
-    its surroundings, `depth_bias` what the policy is known to be off by (`calibration`),
-    `keyframes` what the object looked like, None where that is not remembered, and
+    object is confidently tracked and hardly moved, `begins` that it was just found: what leads from
+    there to the next pose, which is of the same frame, is no motion. `histograms` are the colours
+    of the object and its surroundings, `depth_bias` what the policy is known to be off by
+    (`calibration`), `keyframes` what the object looked like, None where that is not remembered, and
     `sure_keyframes` those that do not rest on the pose that the track began with.
     """
 
@@ -49,6 +50,7 @@ class TrackState:
     above_low: bool = True
     above_high: bool = True
     slow: bool = False
+    begins: bool = False
     histograms: ColourHistograms | None = None
     depth_bias: float = 0.0
     keyframes: KeyframeMemory | None = None
@@ -70,6 +72,7 @@ class TrackState:
         `keyframes` are those that are right whatever becomes of that pose.
         """
         again = TrackState.begin(self.mesh, self.nearest_equivalent(centred), self.config)
+        again.begins = True
         again.histograms, again.depth_bias = self.histograms, self.depth_bias
         again.keyframes = again.sure_keyframes = keyframes
         return again
@@ -121,10 +124,11 @@ class TrackState:
         self.above_low = confidence >= self.config.low_confidence
         self.above_high = confidence >= self.config.high_confidence
         self.frames_low = 0 if self.above_low else self.frames_low + 1
-        slow = self.config.motion.slow_delta
-        self.slow = self.above_high and not _differ(self.mesh, before, after, slow)
+        moved = self.above_high and not self.begins
+        slow, self.begins = self.config.motion.slow_delta, False
+        self.slow = moved and not _differ(self.mesh, before, after, slow)
         self.velocity = None
-        if was_above_high and self.above_high:
+        if was_above_high and moved:
             turn = log_so3(after.rotation @ before.rotation.mT)
             self.velocity = torch.stack([turn, after.translation - before.translation])
         self.centred = after

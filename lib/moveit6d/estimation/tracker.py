@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Generic, TypeVar, overload
 
+import numpy as np
 import torch
 
 from ..config import TrackerConfig
@@ -28,14 +29,14 @@ from .calibration import depth_bias
 from .contour_stage import refine_result
 from .detection import PoseDetector, TemplateStore, can_search
 from .detection.instances import same_meshes
-from .half_turns import is_turned_over, refined_half_turns
+from .half_turns import is_turned_over, likelier_half_turn
 from .inputs import camera_of, config_of, meshes_of, policy_of, renderer_of, start_poses_of
 from .keyframes import Keyframe, KeyframeMemory
-from .multi_start import most_confident, recovery_starts, start_at, uses_multi_start
+from .multi_start import start_at
 from .recovery import Supervisor
+from .recovery_starts import recovered
 from .refine import refine_starts
 from .results import Refined, Start, TrackingResult, timed
-from .second_look import SecondLook
 from .states import TrackingState
 from .track_state import TrackState
 from .turns import SearchTurns
@@ -43,6 +44,7 @@ from .visibility import check_start
 
 DEFAULT = TrackerConfig()
 Starts = Pose | Sequence[Pose | None] | None
+Found = bool | Sequence[bool]
 Results = TypeVar("Results", TrackingResult, list[TrackingResult])
 
 
@@ -54,6 +56,7 @@ class PoseTracker(Generic[Results]):
         camera: the camera, lens distortion included if it has any.
         start: pose in (or just before) the first frame, mesh file's frame; of a list of objects a
             list of poses. None for an object that is to be looked for.
+        found: whether the start poses come from a search (`reset`).
         policy: predicts the pose deltas; the shipped network if None.
         renderer: the back end; embree if None.
         config: every other setting.
@@ -95,6 +98,7 @@ class PoseTracker(Generic[Results]):
         config: TrackerConfig = DEFAULT,
         store: TemplateStore | None = None,
         threads: int | None = 1,
+        found: Found = False,
     ) -> None: ...
 
     @overload
@@ -109,6 +113,7 @@ class PoseTracker(Generic[Results]):
         config: TrackerConfig = DEFAULT,
         store: TemplateStore | None = None,
         threads: int | None = 1,
+        found: Found = False,
     ) -> None: ...
 
     def __init__(
@@ -122,6 +127,7 @@ class PoseTracker(Generic[Results]):
         config: TrackerConfig = DEFAULT,
         store: TemplateStore | None = None,
         threads: int | None = 1,
+        found: Found = False,
     ) -> None:
         self.single = isinstance(meshes, Mesh)
         self.meshes = meshes_of(meshes)
@@ -134,7 +140,7 @@ class PoseTracker(Generic[Results]):
         self._turns = SearchTurns(self.config.recovery, self._same)
         self.tracks: list[TrackState] = []
         self.supervisors: list[Supervisor] = []
-        self.reset(start)
+        self.reset(start, found)
 
     @property
     def poses(self) -> list[Pose]:
@@ -142,27 +148,24 @@ class PoseTracker(Generic[Results]):
         return [track.pose for track in self.tracks]
 
     @with_own_threads
-    def reset(self, poses: Starts) -> None:
+    def reset(self, poses: Starts, found: Found = False) -> None:
         """Go on from these poses, one an object, mesh file's frame; what was found is forgotten.
 
-        None for objects that are to be looked for. `InputError`, and nothing changed, if a pose is
-        missing or cannot be seen by the camera.
+        None for objects that are to be looked for. `found` says, for all or for each, that poses
+        come from a search: they are compared with their half turns then, and looked at again, as
+        those are that the tracker finds. `InputError`, and nothing changed, if a pose is missing or
+        cannot be seen by the camera, or if `recovery.distance` is too far for an object.
         """
         given = start_poses_of(poses, len(self.meshes))
-        supervisors = []
-        for mesh, pose in zip(self.meshes, given, strict=True):
-            detector = self._detector(mesh)
-            if pose is not None:
-                check_start(pose, mesh, self.camera)
-            elif detector is None:
-                raise InputError(
-                    "There is no start pose, and this policy or configuration cannot look for the "
-                    "object; give a start pose."
-                )
-            recovery = self.config.recovery
-            look = None if detector is None else SecondLook(detector, recovery)
-            found = pose is not None
-            supervisors.append(Supervisor(detector, recovery, found, look, mesh.has_colours))
+        searched = [found] * len(given) if isinstance(found, bool) else list(found)
+        if len(searched) != len(given):
+            raise InputError(f"found: {len(given)} are needed, or one, found {len(searched)}.")
+        supervisors = [
+            self._supervisor(number, mesh, pose, one)
+            for number, (mesh, pose, one) in enumerate(
+                zip(self.meshes, given, searched, strict=True)
+            )
+        ]
         self.tracks = [
             TrackState.begin(
                 mesh,
@@ -173,17 +176,44 @@ class PoseTracker(Generic[Results]):
         ]
         self.supervisors = supervisors
 
-    def _detector(self, mesh: Mesh) -> PoseDetector | None:
-        """What looks for an object once it is lost; None if nothing can."""
-        if not can_search(self.policy, self.config):
-            return None
-        detector = PoseDetector(
-            mesh, self.camera, policy=self.policy, renderer=self.renderer, config=self.config,
-            store=self.store, threads=self.threads,
-        )  # fmt: skip
-        if self.config.recovery.max_milliseconds is not None:
-            detector.prepare()  # a second or two, which no frame has then
-        return detector
+    @with_own_threads
+    def replace_mesh(self, number: int, mesh: Mesh, pose: Pose) -> None:
+        """Follow the object with this number by another mesh of its shape, as one that was painted.
+
+        `pose` is where it is, mesh file's frame. Its way stays, and of which objects it is an
+        instance; its state, which knows colours, and what looks for it begin anew. `InputError`,
+        and nothing changed, if the shape is another one or the camera cannot see it there.
+        """
+        (mesh,), (start,), known = meshes_of(mesh), start_poses_of(pose, 1), self.meshes[number]
+        larger = abs(mesh.sphere_diameter - known.sphere_diameter)
+        if max(larger, *np.abs(mesh.center - known.center)) > 1e-4 * known.sphere_diameter:
+            raise InputError(
+                f"{mesh.name} has another size or middle than {known.name}; make a new PoseTracker "
+                "for another object."
+            )
+        found = self.supervisors[number].check is not None
+        self.supervisors[number] = self._supervisor(number, mesh, start, found)
+        self.meshes[number] = mesh
+        # Keyframes are kept of meshes without colours only.
+        self.tracks[number] = replace(
+            self.tracks[number], mesh=mesh, keyframes=None, sure_keyframes=None
+        )
+
+    def _supervisor(self, number: int, mesh: Mesh, pose: Pose | None, found: bool) -> Supervisor:
+        """What watches an object from now on; `found`: a pose that there is comes from a search."""
+        if pose is not None:
+            check_start(pose, mesh, self.camera)
+        detector = None
+        if can_search(self.policy, self.config):
+            detector = PoseDetector(
+                mesh, self.camera, policy=self.policy, renderer=self.renderer, config=self.config,
+                store=self.store, threads=self.threads,
+            )  # fmt: skip
+        recovery, known = self.config.recovery, pose is not None
+        supervisor = Supervisor.begin(detector, recovery, mesh, known, number)
+        if known and found:
+            supervisor.was_found()
+        return supervisor
 
     @with_own_threads
     def calibrate(self, image: ImageLike | Frame) -> None:
@@ -218,7 +248,7 @@ class PoseTracker(Generic[Results]):
 
         A frame that cannot be used (None: it could not be read), or an object that cannot be
         followed in it, gives a failed result that says why; the next frame starts from the last
-        pose found.
+        pose found. A frame that cannot be used takes 0 milliseconds.
         """
         results = self._update(image)
         return results[0] if self.single else results  # type: ignore[return-value]
@@ -228,7 +258,7 @@ class PoseTracker(Generic[Results]):
         try:
             frame = prepare_frame(image, self.camera)
         except InputError as error:
-            return [timed(supervisor.unread(str(error)), begin) for supervisor in self.supervisors]
+            return [supervisor.unread(str(error)) for supervisor in self.supervisors]
         objects = range(len(self.tracks))
         followed = [number for number in objects if not self.supervisors[number].lost]
         for number, spent in self._turns.of_frame(self.supervisors):
@@ -263,12 +293,7 @@ class PoseTracker(Generic[Results]):
     def _begin_again(self, number: int, centred: Pose, keyframes: KeyframeMemory | None) -> None:
         """Follow an object from another pose, with these keyframes."""
         self.tracks[number] = self.tracks[number].begin_again(centred, keyframes)
-        self._forget_half_turns(number)
-
-    def _forget_half_turns(self, number: int) -> None:
-        check = self.supervisors[number].check
-        if check is not None:
-            check.restart()
+        self.supervisors[number].forget_half_turns()
 
     def _refine(self, frame: Frame, numbers: Sequence[int]) -> list[Refined]:
         """Follow objects, each from the best of its starts, and recover those of low confidence."""
@@ -319,55 +344,26 @@ class PoseTracker(Generic[Results]):
             return result
         if is_turned_over(track.centred, track.nearest_equivalent(result.centred)):
             check.restart()
-        if not check.is_due():
+        better = likelier_half_turn(
+            check, start_at(frame, track, result.centred), result.confidence,
+            policy=self.policy, renderer=self.renderer, loop=self.config.loop, target=number,
+        )  # fmt: skip
+        if better is None or better.centred is None:
             return result
-        start = start_at(frame, track, result.centred)
-        turned = refined_half_turns(
-            start, policy=self.policy, renderer=self.renderer, loop=self.config.loop
-        )
-        best = check.better(result.confidence, [one.confidence for one in turned])
-        centred = None if best is None else turned[best].centred
-        if best is None or centred is None:
-            return result
-        self._begin_again(number, centred, track.sure_keyframes)
-        return turned[best]
+        self._begin_again(number, better.centred, track.sure_keyframes)
+        return better
 
     def _recover(
         self, frame: Frame, results: dict[int, Refined], instances: Instances
     ) -> dict[int, Refined]:
-        """The results; one of low confidence is replaced by the best one from recovery poses.
-
-        Only by one that is not low: an occluded object has a low confidence where it is. And only
-        where no other instance is.
-        """
-        if not uses_multi_start(self.policy, self.config):
-            return results
-        low, sure = self.config.low_confidence, instances.sure(results)
-        others = [
-            [
-                start
-                for start in recovery_starts(frame, self.tracks[number])
-                if not instances.stands_on_another(number, start.centred, sure)
-            ]
-            if result.confidence < low and self.tracks[number].is_recovery_due()
-            else []
-            for number, result in results.items()
-        ]
-        ends = most_confident(
-            list(results.values()),
-            others,
-            policy=self.policy,
-            renderer=self.renderer,
-            config=self.config,
-            race=self.config.multi_start.race,
-        )
-        found = dict(results)
-        for (number, old), new in zip(results.items(), ends, strict=True):
-            if new is old or new.centred is None or new.confidence < low:
-                continue
-            if not instances.stands_on_another(number, new.centred, sure):
-                found[number] = new
-                self._forget_half_turns(number)
+        """The results; one of low confidence is replaced by the best one from recovery poses."""
+        found = recovered(
+            frame, results, instances,
+            policy=self.policy, renderer=self.renderer, config=self.config,
+        )  # fmt: skip
+        for number, new in found.items():
+            if new is not results[number]:
+                self.supervisors[number].forget_half_turns()
         return found
 
     def _add(self, frame: Frame, number: int, result: Refined) -> TrackingResult:

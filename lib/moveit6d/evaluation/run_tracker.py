@@ -88,7 +88,7 @@ def run_tracker(
 
 
 def _step(frame: VideoFrame, result: TrackingResult, name: str) -> TrackedFrame:
-    """What came out for one object; a frame that could not be read took no time."""
+    """What came out for one object; a frame that could not be used took no time."""
     unread = frame.image is None
     failed = unread or result.pose is None or result.stopped_by.value == FAILED
     error = (frame.error or "no image.") if unread else (result.error or "no pose.")
@@ -99,7 +99,7 @@ def _step(frame: VideoFrame, result: TrackingResult, name: str) -> TrackedFrame:
         iterations=None if failed else result.iterations,
         stopped_by=result.stopped_by.value,
         confidence=None if failed else result.confidence,
-        milliseconds=None if unread else result.milliseconds,
+        milliseconds=result.milliseconds or None,
         object=name,
         state=str(result.state),
         probability=None if failed else result.probability,

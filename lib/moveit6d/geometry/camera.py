@@ -156,6 +156,23 @@ class Camera:
         """The same camera without its lens."""
         return replace(self, distortion=None, distortion_model="opencv")
 
+    @cached_property
+    def full_pinhole(self) -> Camera:
+        """The pinhole camera that sees all that the lens shows, as far as a sensible image can.
+
+        `pinhole` with whole pixels more on each side where the lens draws the picture inwards: up
+        to 65 degrees off the axis and three times the pixels.
+
+        >>> wide = Camera(1000, 1000, 639.5, 359.5, 1280, 720, [-0.3, 0.09, 0, 0]).full_pinhole
+        >>> wide.fx, wide.width > 1280, wide.cx - 639.5 == (wide.width - 1280) / 2
+        (1000.0, True, True)
+        """
+        if self.lens is None:
+            return self.pinhole
+        left, top, right, bottom = self.lens.margins(self.matrix.numpy(), self.width, self.height)
+        width, height = self.width + left + right, self.height + top + bottom
+        return self.pinhole.crop(-left, -top, width, height)
+
     @property
     def matrix(self) -> Tensor:
         """The intrinsic matrix K, float64 (3, 3)."""
@@ -231,13 +248,14 @@ class Camera:
         """The camera of the window whose top-left pixel is (x, y)."""
         return replace(self, cx=self.cx - x, cy=self.cy - y, width=width, height=height)
 
-    def undistort(self, image: Picture) -> tuple[Picture, Camera]:
+    def undistort(self, image: Picture, full: bool = False) -> tuple[Picture, Camera]:
         """Undo the lens: the image as this camera would see it without distortion.
 
         A tensor or array (..., C, H, W), (H, W, C) or (H, W), uint8, uint16 or floating point,
         comes back as one of the same shape and type (the same one if there is no distortion), with
-        the pinhole camera. The map is kept for the next image of this camera. `InputError` for what
-        is no image of the camera's size.
+        the pinhole camera. What a wide lens shows near the border lies outside of that image;
+        `full` gives the larger one of `full_pinhole`. The map is kept for the next image of this
+        camera. `InputError` for what is no image of the camera's size.
         """
         given = image.detach().cpu().numpy() if isinstance(image, Tensor) else image
         pixels = self._channels_last(given)
@@ -246,16 +264,20 @@ class Camera:
             return image, self.pinhole
         import cv2
 
-        maps = lens.undistortion_maps(self.matrix.numpy(), self.width, self.height)
-        flat = np.empty(pixels.shape, pixels.dtype)
+        seen = self.full_pinhole if full else self.pinhole
+        width, height = seen.width, seen.height
+        maps = lens.undistortion_maps(self.matrix.numpy(), seen.matrix.numpy(), width, height)
+        flat = np.empty((len(pixels), height, width, pixels.shape[-1]), pixels.dtype)
         for one, undone in zip(pixels, flat, strict=True):
             undone[:] = cv2.remap(np.ascontiguousarray(one), *maps, cv2.INTER_LINEAR).reshape(
                 undone.shape
             )
-        is_first = given.shape[-2:] == (self.height, self.width)
-        flat = (np.moveaxis(flat, -1, 1) if is_first else flat).reshape(given.shape)
+        if given.shape[-2:] == (self.height, self.width):
+            flat = np.moveaxis(flat, -1, 1).reshape(*given.shape[:-2], height, width)
+        else:
+            flat = flat.reshape(height, width, *given.shape[2:])
         found = np.ascontiguousarray(flat)
-        return (torch.from_numpy(found) if isinstance(image, Tensor) else found), self.pinhole
+        return (torch.from_numpy(found) if isinstance(image, Tensor) else found), seen
 
     def _channels_last(self, image: Any) -> NDArray[Any]:
         """Images of this camera as (B, H, W, C)."""

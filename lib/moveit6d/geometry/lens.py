@@ -27,6 +27,11 @@ LARGEST = 1e6  # no lens has such a coefficient; beyond it the polynomials overf
 # times as far out as a pinhole would: strong wide-angle lenses draw it inwards.
 FOLDED, MOST_STRETCHED = 0.8, 2.0
 _FAR = 1e6  # pixels: outside of every image, and exact in OpenCV's arithmetic
+# A pinhole's picture of all that a lens shows: no rays farther off the axis, where it draws things
+# out more than twice, and so many times the pixels at most, which bounds what a search costs.
+WIDEST, LARGEST_SHARE = math.radians(65), 3.0
+RINGS, DIRECTIONS = 96, 360  # of the rays that are tried for it
+BEYOND = 1.1  # times the tangent of the farthest corner: a lens off its axis shows a little more
 
 
 @dataclass(frozen=True)
@@ -133,13 +138,62 @@ class Lens:
         """
         return self._rectify(rotation, virtual, matrix, size, size)
 
-    def undistortion_maps(self, matrix: Float64, width: int, height: int) -> tuple[Any, Any]:
-        """OpenCV's fixed-point maps from the pinhole image to the real one, kept for next time.
+    def undistortion_maps(
+        self, matrix: Float64, virtual: Float64, width: int, height: int
+    ) -> tuple[Any, Any]:
+        """OpenCV's fixed-point maps from a pinhole's image to the real one, kept for next time.
 
-        Pixels whose rays the lens does not show map to far outside.
+        `virtual` (3, 3) is that pinhole's matrix, `width` and `height` its image's. Pixels whose
+        rays the lens does not show map to far outside.
         """
-        entries = tuple(float(value) for value in matrix.reshape(9))
-        return _kept_maps(self, entries, width, height)
+        entries = (tuple(float(value) for value in one.reshape(9)) for one in (matrix, virtual))
+        return _kept_maps(self, *entries, width, height)
+
+    def margins(self, matrix: Float64, width: int, height: int) -> tuple[int, int, int, int]:
+        """Pixels that an image of K (3, 3) without the lens needs more to show all that this does.
+
+        On the left, above, on the right and below; 0 where the lens pushes nothing out. Rays far
+        from the axis are left out (`WIDEST`), and the farthest ones until the larger image has no
+        more than `LARGEST_SHARE` times the pixels.
+        """
+        size = np.array([width, height])
+        rings = self._shown_rings(matrix, width, height)
+        flat = rings @ matrix[:2, :2].T + matrix[:2, 2]  # (rings, directions, 2)
+        beyond = np.nan_to_num(np.concatenate([-0.5 - flat, flat - (size - 0.5)], -1)).max(1)
+        # Half a pixel is nothing; what a ring needs its followers need, too.
+        needed = np.maximum.accumulate(np.rint(beyond.clip(min=0)))
+        pixels = (width + needed[:, 0] + needed[:, 2]) * (height + needed[:, 1] + needed[:, 3])
+        fitting = int((pixels <= LARGEST_SHARE * width * height).sum())
+        left, top, right, bottom = (int(margin) for margin in needed[max(fitting - 1, 0)])
+        return left, top, right, bottom
+
+    def _shown_rings(self, matrix: Float64, width: int, height: int) -> Float64:
+        """Places (rings, directions, 2) of the plane z = 1 that the lens shows in an image.
+
+        Rings around the axis from the inside out. A direction's first ring behind the image's edge
+        is at the edge instead; others outside of the image are NaN.
+        """
+        low, high = np.full(2, -0.5), np.array([width, height]) - 0.5
+        u, v = np.array([[u, v] for u in (low[0], high[0]) for v in (low[1], high[1])]).T
+        y = (v - matrix[1, 2]) / matrix[1, 1]
+        x = (u - matrix[0, 2] - matrix[0, 1] * y) / matrix[0, 0]
+        tangents, shown, _ = _radii(self)
+        corner = BEYOND * float(np.interp(np.hypot(x, y).max(), shown, tangents))
+        farthest = min(corner, math.tan(WIDEST), 0.999 * self.reach)
+        # A lens hardly turns things about its axis: the corners lie near these directions.
+        angle = np.append(np.arange(DIRECTIONS) * (2 * math.pi / DIRECTIONS), np.arctan2(y, x))
+        rays = np.ones((RINGS + 1, len(angle), 3))
+        rays[..., :2] = np.linspace(0, farthest, RINGS + 1)[:, None, None] * np.stack(
+            [np.cos(angle), np.sin(angle)], -1
+        )
+        seen = self.project(rays.reshape(-1, 3), matrix).reshape(*rays.shape[:2], 2)
+        outside = np.maximum(low - seen, seen - high).max(-1, keepdims=True)  # negative inside
+        plane = rays[..., :2]
+        before, after = outside[:-1], outside[1:]
+        leaving = (before <= 0) & (after > 0)
+        share = before / np.where(leaving, before - after, 1.0)
+        edges = np.where(leaving, plane[:-1] + share * (plane[1:] - plane[:-1]), math.nan)
+        return np.asarray(np.where(after <= 0, plane[1:], edges), np.float64)
 
     def _rectify(
         self, rotation: Float64, virtual: Float64, matrix: Float64, width: int, height: int
@@ -238,11 +292,13 @@ def _shown_angles(coefficients: tuple[float, ...]) -> tuple[Float64, Float64]:
 
 
 @lru_cache(maxsize=2)  # a 4K camera's take 50 MB
-def _kept_maps(lens: Lens, entries: tuple[float, ...], width: int, height: int) -> tuple[Any, Any]:
+def _kept_maps(
+    lens: Lens, entries: tuple[float, ...], virtual: tuple[float, ...], width: int, height: int
+) -> tuple[Any, Any]:
     import cv2
 
-    matrix = np.array(entries).reshape(3, 3)
-    u, v = lens._rectify(np.eye(3), matrix, matrix, width, height)
+    matrix, pinhole = (np.array(one).reshape(3, 3) for one in (entries, virtual))
+    u, v = lens._rectify(np.eye(3), pinhole, matrix, width, height)
     fixed: tuple[Any, Any] = cv2.convertMaps(u, v, cv2.CV_16SC2)
     return fixed
 

@@ -156,3 +156,14 @@ def test_a_lens_is_undone_before(box: Mesh) -> None:
     rows = np.hstack([pixels, places.numpy()])
     (found, *_) = given_poses(known, box, camera, rows, 1, CONFIG)
     assert (found.translation - pose.translation).abs().max() < 1e-4
+
+
+def test_with_a_lens_a_contradiction_is_said_in_the_pixels_of_the_image_taken(box: Mesh) -> None:
+    camera = replace(CAMERA, distortion=(-0.2, 0.05, 0.0, 0.0))
+    assert camera.full_pinhole != camera.pinhole
+    pose = box.outer(at(0.2, 0.5))
+    u, v = camera.project(at(0.2, 0.5).translation).tolist()
+    known = SearchRegion.checked(camera, box=(0, 0, 40, 40), near=pose).undistorted(camera)
+    words = f"^start pose and box contradict each other.* is at pixel {u:.0f}, {v:.0f}; leave one"
+    with pytest.raises(InputError, match=words):
+        given_poses(known, box, camera, None, 1, CONFIG)

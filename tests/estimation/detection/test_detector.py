@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,12 +24,17 @@ from moveit6d.estimation.detection.places import Place, PlaceFinder
 from moveit6d.estimation.detection.proposals import Proposals
 from moveit6d.estimation.detection.templates import TemplateBank
 from moveit6d.evaluation.metrics import add
+from moveit6d.geometry.camera import Camera
+from moveit6d.geometry.mesh import Mesh
+from moveit6d.geometry.rotation import exp_so3
+from moveit6d.geometry.visibility import seen_box
 from moveit6d.networks.compact import CompactCorrelationNet
 from moveit6d.networks.inference import Compute
 from moveit6d.networks.weights_file import load_network
 from moveit6d.policies import SHIPPED_WEIGHTS, NetworkPolicy
-from tests.estimation.detection.conftest import Picture
+from tests.estimation.detection.conftest import SMALL, Picture
 from tests.support import pictures
+from tests.support.lens_pictures import lens_picture
 
 
 def off(seen: Picture, pose: Pose | None) -> float:
@@ -244,3 +250,73 @@ def test_templates_are_those_of_the_numbers_that_a_network_computes_with(
         prepare(source, compute)
         files.append(len(list(tmp_path.iterdir())))
     assert files == [1, 2, 3, 3]  # what has no name is not kept
+
+
+BARREL = Camera(500, 500, 319.5, 179.5, 640, 360, (-0.3, 0.09, 0.0, 0.0, 0.0))
+FISHEYE = Camera(305, 305, 319.5, 239.5, 640, 480, (0.0, 0.0, 0.0, 0.0), "fisheye")
+
+
+@pytest.mark.parametrize(
+    ("camera", "pixel", "distance", "what"),
+    [(BARREL, (600, 35), 1.2, "box"), (FISHEYE, (597, 240), 0.5, "start")],
+)
+def test_what_the_lens_shows_near_the_border_is_found(
+    box: Mesh,
+    detector: PoseDetector,
+    camera: Camera,
+    pixel: tuple[int, int],
+    distance: float,
+    what: str,
+) -> None:
+    assert camera.lens is not None
+    ray = camera.lens.directions(np.array([pixel], np.float64), camera.matrix.numpy())[0]
+    turn = exp_so3(torch.tensor([0.5, 0.7, 0.2], dtype=torch.float64))
+    centred = Pose(turn, distance * torch.from_numpy(ray))
+    u, v = camera.pinhole.project(centred.translation).tolist()
+    assert not (0 < u < camera.width and 0 < v < camera.height), "a pinhole would not show it"
+    seen = Picture(box, box.outer(centred), lens_picture(box, centred, camera))
+    left, top, right, bottom = seen_box(centred, box, camera)
+    near = PoseDetector(
+        box, camera, config=SMALL, policy=detector.policy, renderer=detector.renderer,
+        store=detector.store,
+    )  # fmt: skip
+    around = (left - 3, top - 3, right - left + 6, bottom - top + 6)
+    # Fifty to eighty pixels wide, the distance is less sure than in the other pictures.
+    known: dict[str, Any] = {"box": around, "start": seen.pose}
+    assert off(seen, near.detect(seen.image, **{what: known[what]}).pose) < 0.1
+
+
+def test_a_lens_that_hides_nothing_changes_nothing(seen: Picture, detector: PoseDetector) -> None:
+    camera = replace(pictures.CAMERA, distortion=(0.2, 0.0, 0.0, 0.0))
+    tools = {"config": SMALL, "policy": detector.policy, "renderer": detector.renderer}
+    near = Pose(seen.pose.rotation, seen.pose.translation + torch.tensor([0.01, 0.0, 0.03]))
+    flat, pinhole = camera.undistort(seen.image)
+    found = [
+        PoseDetector(seen.mesh, one, store=detector.store, **tools).detect(image, start=near).best
+        for one, image in ((camera, seen.image), (pinhole, flat))
+    ]
+    assert found[0] is not None and found[1] is not None
+    assert torch.equal(found[0].pose.translation, found[1].pose.translation)
+    assert torch.equal(found[0].pose.rotation, found[1].pose.rotation)
+    assert found[0].evidence == found[1].evidence
+
+
+def test_objects_are_looked_for_as_wide_as_in_the_image_that_was_taken(
+    seen: Picture, detector: PoseDetector
+) -> None:
+    tried: list[tuple[float, float]] = []
+
+    class Asked(SearchRegion):
+        def widths(self, *given: Any, **more: Any) -> tuple[float, float]:
+            tried.append(super().widths(*given, **more))
+            return tried[-1]
+
+    for camera in (BARREL, BARREL.pinhole):
+        looking = PoseDetector(
+            seen.mesh, camera, config=SMALL, policy=detector.policy, store=detector.store
+        )
+        steps = looking.steps(torch.zeros(3, 360, 640), Asked())
+        for _ in range(2):
+            next(steps)
+    assert BARREL.full_pinhole.height > 360
+    assert tried == [pytest.approx((0.3 * 360, 0.6 * 360))] * 2

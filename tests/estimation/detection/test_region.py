@@ -91,6 +91,20 @@ def test_near_is_around_the_pose(box: Mesh) -> None:
     assert allowed.tolist() == [True, False, False]
 
 
+def test_what_is_known_of_the_width_is_searched_however_large_the_image(box: Mesh) -> None:
+    large = CAMERA.resize(3840, 2880)
+    shares = (SHARES[0] * 2880, SHARES[1] * 2880)
+    assert SearchRegion().widths(box, large, SHARES) == pytest.approx(shares)
+    for z in (0.15, 4.0):  # wider and narrower than what is looked for where nothing is known
+        near = at(box, 0.0, 0.0, z)
+        width = large.fx * box.sphere_diameter / float(box.inner(near).translation.norm())
+        assert not shares[0] < width < shares[1]
+        low, high = SearchRegion(near=near).widths(box, large, SHARES)
+        assert (low, high) == pytest.approx((max(48.0, width / 1.5), width * 1.5), rel=0.02)
+    small = SearchRegion(box=(1000.0, 900.0, 80.0, 60.0)).widths(box, large, SHARES)
+    assert small == pytest.approx((0.85 * 80, 2.5 * 80))
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [
@@ -202,3 +216,21 @@ def test_far_from_the_axis_as_many_widths_aside_are_as_far(degrees: float) -> No
     assert free.tolist() == [True, True, False, True], "0.4 widths aside at least"
     left, _, right, _ = SearchRegion(near=pose).window(mesh, WIDE, 0.6 * float(width[0])) or [0] * 4
     assert left < float(pixels[1, 0]) and min(float(pixels[3, 0]), 1279) < right
+
+
+FISHEYE = Camera(400, 400, 319.5, 239.5, 640, 480, (0.0, 0.0, 0.0, 0.0), "fisheye")
+
+
+def test_a_box_at_the_border_of_a_wide_lens_is_where_its_object_is_without_the_lens() -> None:
+    mesh, pose = ball(), aside(40.3)
+    left, top, right, bottom = seen_box(mesh.inner(pose), mesh, FISHEYE)
+    assert right < 640 < FISHEYE.pinhole.project(mesh.inner(pose).translation)[0]
+    around = (left, top, right - left, bottom - top)
+    mask = np.zeros((480, 640), bool)
+    mask[round(top) : round(bottom) + 1, round(left) : round(right) + 1] = True
+    left, top, right, bottom = seen_box(mesh.inner(pose), mesh, FISHEYE.full_pinhole)
+    for known in ({"box": around}, {"mask": mask}):
+        region = SearchRegion.checked(FISHEYE, **known).undistorted(FISHEYE)
+        # Pixels: the lens bends the box's sides outwards.
+        expected = pytest.approx((left, top, right - left, bottom - top), abs=7)
+        assert region.bounds == expected

@@ -34,8 +34,8 @@ def disagreement(
 ) -> str | None:
     """What a centred pose contradicts, and where it has the object; None if it agrees with all.
 
-    `known` and `camera` are those of the image without its lens. `ratio` is how far off its
-    distance may be (None: as in `config`), `shift` how far aside it may be, in widths of the
+    `camera` took the image, `known` is that of the image without its lens. `ratio` is how far off
+    its distance may be (None: as in `config`), `shift` how far aside it may be, in widths of the
     object.
     """
     distance, radius = float(centred.translation.norm()), mesh.sphere_diameter / 2
@@ -48,15 +48,19 @@ def disagreement(
     bounds = known.bounds
     if bounds is None:
         return None
-    left, top, right, bottom = seen_box(centred, mesh, camera)
+    left, top, right, bottom = seen_box(centred, mesh, camera.full_pinhole)
     x, y, z = centred.translation.tolist()
     tangent = float(np.hypot(x, y)) / max(z, radius)  # of a start at z = 0 it would have no end
     margin = shift * _longest(mesh, camera, distance, tangent)
     grown = (left - margin, top - margin, right + margin, bottom + margin)
     if _covered(known, grown) >= config.least_covered:
         return None
-    where = f"{left:.0f} {top:.0f} {right - left:.0f} {bottom - top:.0f}"
-    return f"{_name_of_box(known)} contradict each other: by the pose the object is at {where}"
+    name, where = _name_of_box(known), f"{left:.0f} {top:.0f} {right - left:.0f} {bottom - top:.0f}"
+    if camera.lens is not None:  # those are no pixels of the user's image
+        name = "box" if known.mask is None else "mask"
+        u, v = camera.project(centred.translation).tolist()
+        where = f"pixel {u:.0f}, {v:.0f}"
+    return f"{name} contradict each other: by the pose the object is at {where}"
 
 
 def given_poses(
@@ -79,7 +83,8 @@ def given_poses(
         shift, ratio = config.near_shift, config.near_ratio  # it is only roughly right
         centred = mesh.inner(known.near)
         _refuse(
-            "start pose", disagreement(known, mesh, camera.pinhole, centred, shift, ratio, config)
+            "start pose",
+            disagreement(known, mesh, camera, centred, shift, ratio, config),
         )
         found.append(known.near)
     if points is not None:
@@ -90,7 +95,7 @@ def given_poses(
         check_points(points, mesh)
         clicked = poses_from_points(points, camera)
         centred = mesh.inner(clicked[0])
-        _refuse("points", disagreement(known, mesh, camera.pinhole, centred, config=config))
+        _refuse("points", disagreement(known, mesh, camera, centred, config=config))
         found += clicked
     return found
 
@@ -106,7 +111,7 @@ def _check_known(known: SearchRegion, mesh: Mesh, camera: Camera, config: Region
         return
     (x, y, width, height), nearest = known.bounds, known.distance[0]
     corners = torch.tensor([[u, v] for u in (x, x + width) for v in (y, y + height)]).double()
-    tangent = float(camera.pinhole.unproject(corners)[:, :2].norm(dim=1).max())
+    tangent = float(camera.full_pinhole.unproject(corners)[:, :2].norm(dim=1).max())
     longest, side = _longest(mesh, camera, nearest, tangent), max(width, height)
     if config.longest_ratio * longest < config.box_ratio[0] * side:
         # Once a lens is undone, pixels are no longer those of the user's image.

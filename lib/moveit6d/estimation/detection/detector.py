@@ -187,12 +187,12 @@ class PoseDetector:
         frame = prepare_frame(image, self.camera).undistorted
         known = region or SearchRegion()
         poses = [self.mesh.inner(pose.to(torch.float64)) for pose in given]
-        poses = [pose for pose in poses if self._in_sight(pose, frame.camera)]
+        poses = [pose for pose in poses if self._in_sight(pose, self.camera)]
         stages = self.config.stages if known.bounds is None else self.config.region.stages
         count, proposals = stages[0][0] * instances, None
         if search:
             proposals = Proposals(
-                self.mesh, frame.camera, self.prepare(),
+                self.mesh, self.camera, self.prepare(),
                 self.pyramid_of(frame) if pyramid is None else pyramid, known, self.config,
             )  # fmt: skip
             yield

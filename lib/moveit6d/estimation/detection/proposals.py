@@ -22,7 +22,7 @@ Steps = Generator[None, None, Candidates]
 class Proposals:
     """What may be the object, by templates; in short steps, as `PoseDetector.steps`.
 
-    `region` and `camera` are those of the image without its lens.
+    `camera` took the image; `region` and `pyramid` are those of the image without its lens.
     """
 
     def __init__(
@@ -34,8 +34,11 @@ class Proposals:
         region: SearchRegion,
         config: DetectorConfig,
     ) -> None:
-        self.mesh, self.camera, self.bank, self.pyramid = mesh, camera, bank, pyramid
+        self.mesh, self.camera, self.bank, self.pyramid = mesh, camera.full_pinhole, bank, pyramid
         self.region, self.config = region, config
+        # Widths are shares of the image as it was taken, which may be smaller.
+        sides = (min(one.width, one.height) for one in (camera, self.camera))
+        self._share = next(sides) / next(sides)
         self._finder = PlaceFinder(bank.coarse, config.match, config.templates.colour)
         self._known: list[Place] = []
         self._matcher: ViewMatcher | None = None
@@ -64,7 +67,8 @@ class Proposals:
 
     def _add_levels(self) -> Generator[None, None, None]:
         finder, config, narrowing = self._finder, self.config.match, self.config.region
-        low, high = self.region.widths(self.mesh, self.camera, config.widths, narrowing)
+        shares = config.widths[0] * self._share, config.widths[1] * self._share
+        low, high = self.region.widths(self.mesh, self.camera, shares, narrowing)
         window = self.region.window(self.mesh, self.camera, high, narrowing)
         if window is not None:
             finest = self.config.templates.coarse_width / narrowing.background_scale

@@ -5,6 +5,7 @@ Never sees an image and never scores anything.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -78,7 +79,7 @@ class SearchRegion:
             )
 
     def undistorted(self, camera: Camera) -> SearchRegion:
-        """The same region in the image as `Camera.undistort` makes it."""
+        """The same region in the image without its lens, that of `Camera.full_pinhole`."""
         bounds = self.bounds
         if camera.lens is None or bounds is None:
             return self
@@ -87,7 +88,7 @@ class SearchRegion:
             x, y, width, height = bounds
             mask = np.zeros((camera.height, camera.width), np.bool_)
             mask[max(0, round(y)) : round(y + height), max(0, round(x)) : round(x + width)] = True
-        flat = camera.undistort(torch.from_numpy(mask.astype(np.uint8))[None])[0][0].numpy() > 0
+        flat = camera.undistort(mask.astype(np.uint8), full=True)[0] > 0
         if not flat.any():
             raise InputError("box or mask: nothing of it is left once the lens is undone.")
         region = replace(self, box=None, mask=flat)
@@ -140,16 +141,17 @@ class SearchRegion:
     ) -> tuple[float, float]:
         """Smallest and largest width of the object's sphere in pixels that are to be tried.
 
-        As it is seen where it may be (`widening`). `shares` of the image's shorter side limit them
-        where nothing else does. `InputError` if the object is too small to be found at any distance
-        that is given.
+        As it is seen where it may be (`widening`). `shares` of the image's shorter side are their
+        limits where neither a distance nor a box nor a pose says more. `InputError` if the object
+        is too small to be found at any distance that is given.
         """
-        side = min(camera.width, camera.height)
-        low, high = shares[0] * side, shares[1] * side
+        side, bounds = min(camera.width, camera.height), self.bounds
+        low, high = _smallest_width(camera), math.inf
         if self.distance is not None:
             wider = widening(self._places(mesh, camera), camera)
             low, high = _widths_between(self.distance, mesh, camera, wider)
-        bounds = self.bounds
+        elif bounds is None and self.near is None:
+            low, high = shares[0] * side, shares[1] * side
         if bounds is not None:
             longest, (least, most) = max(bounds[2], bounds[3]), config.box_ratio
             low, high = max(low, least * longest), min(high, most * longest)
@@ -214,7 +216,7 @@ def _widths_between(
     """
     near, far = distance
     largest = width_at(near, mesh, camera) * float(wider.max())
-    least = max(SMALLEST_WIDTH, SMALLEST_SHARE * min(camera.width, camera.height))
+    least = _smallest_width(camera)
     if largest < least:
         raise InputError(
             f"distance {near:g} {far:g}: even at {near:g} m the object would be under {least:g} "
@@ -222,6 +224,11 @@ def _widths_between(
             "check the metres and the mesh's unit."
         )
     return max(width_at(far, mesh, camera) * float(wider.min()), least), largest
+
+
+def _smallest_width(camera: Camera) -> float:
+    """Width of the narrowest objects that are looked for, pixels."""
+    return max(SMALLEST_WIDTH, SMALLEST_SHARE * min(camera.width, camera.height))
 
 
 def _width(mesh: Mesh, pose: Pose, camera: Camera) -> float:
