@@ -104,7 +104,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--mesh", type=Path, help="the object; none: a toy robot")
-    parser.add_argument("--mesh_unit", choices=("m", "cm", "mm", "in"), default="m", help="the mesh's unit")
+    parser.add_argument(
+        "--mesh_unit", choices=("m", "cm", "mm", "in"), default="m", help="the mesh's unit"
+    )
     parser.add_argument("--frames", type=int, default=15, help="of the clip that is tracked")
     parser.add_argument("--weights", type=Path, help="weights file instead of the shipped one")
     args = parser.parse_args(arguments)

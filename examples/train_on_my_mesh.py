@@ -33,7 +33,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--mesh", type=Path, help="the object; none: a toy robot")
-    parser.add_argument("--mesh_unit", choices=("m", "cm", "mm", "in"), default="m", help="the mesh's unit")
+    parser.add_argument(
+        "--mesh_unit", choices=("m", "cm", "mm", "in"), default="m", help="the mesh's unit"
+    )
     parser.add_argument("--photos", type=Path, help="pictures for backgrounds; none: made ones")
     parser.add_argument("--steps", type=int, default=100, help="batches of training")
     parser.add_argument("--batch", type=int, default=16, help="pairs a batch")
