@@ -161,7 +161,8 @@ class Lens:
         flat = rings @ matrix[:2, :2].T + matrix[:2, 2]  # (rings, directions, 2)
         beyond = np.nan_to_num(np.concatenate([-0.5 - flat, flat - (size - 0.5)], -1)).max(1)
         # Half a pixel is nothing; what a ring needs its followers need, too.
-        needed = np.maximum.accumulate(np.rint(beyond.clip(min=0)))
+        margins = np.rint(beyond.clip(min=0))
+        needed = np.stack([margins[: k + 1].max(0) for k in range(len(margins))])
         pixels = (width + needed[:, 0] + needed[:, 2]) * (height + needed[:, 1] + needed[:, 3])
         fitting = int((pixels <= LARGEST_SHARE * width * height).sum())
         left, top, right, bottom = (int(margin) for margin in needed[max(fitting - 1, 0)])
