@@ -7,13 +7,12 @@ import json
 from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import torch
 
-from moveit6d import InputError, Pose
+from moveit6d import InputError, Pose, PoseTracker
 from moveit6d.cli.main import main
 from moveit6d.cli.objects import load_meshes, note_without_colours, object_names, read_starts
 from tests.support.clip import Clip, write_other
@@ -105,32 +104,25 @@ def test_two_objects_are_tracked_side_by_side(
 
 
 def test_a_known_object_beside_one_that_is_looked_for(
-    clip: Clip, scene: Any, use_oracle: Callable[..., None], monkeypatch: pytest.MonkeyPatch,
-    capsys: Any,
-) -> None:  # fmt: skip
+    clip: Clip, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
     asked: list[Any] = []
 
-    def detect(detectors: Any, image: Any, counts: Any, regions: Any) -> Any:
-        asked.append((counts, [region.distance for region in regions]))
-        return [SimpleNamespace(instances=[SimpleNamespace(pose=clip.true)])]
+    def begin(self: Any, meshes: Any, camera: Any, start: Any, **given: Any) -> None:
+        asked.append((start, given["config"].recovery.distance, given["found"]))
+        raise InputError("That is enough.")
 
-    use_oracle(scene.mesh, clip.true, targets=2)
-    monkeypatch.setattr("moveit6d.estimation.detection.detect_objects", detect)
-    searching = SimpleNamespace(camera=scene.camera)
-    monkeypatch.setattr("moveit6d.estimation.PoseDetector", lambda *_, **__: searching)
+    monkeypatch.setattr(PoseTracker, "__init__", begin)
     start = str(clip.folder / "start.json")
     command = [
         "--mesh", str(write_other(clip.folder)), "--no_overlay", "--distance", "0.3", "0.9",
         "--start",
     ]  # fmt: skip
-    assert clip.track(*command, "none") == 0
-    assert asked == [([1], [(0.3, 0.9)])]
-    summary = clip.summary()
-    assert summary["objects"]["other"]["states"] == {"tracking": 5}
-    places = [one["translation"] for one in summary["found_start"]]
-    assert places[0] == Pose.load(Path(start)).translation.tolist()
-    assert places[1] == clip.true.translation.tolist()
-    assert clip.track(*command, start) == 2
+    assert clip.track(*command, "none") == 2
+    (((known, unknown), distance, found),) = asked
+    assert known.translation.tolist() == Pose.load(Path(start)).translation.tolist()
+    assert unknown is None and distance == (0.3, 0.9) and not any(found)
+    assert clip.track(*command, start) == 2 and len(asked) == 1
     assert "--start says the pose; leave out" in capsys.readouterr().err
 
 

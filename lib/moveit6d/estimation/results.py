@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+import torch
 from torch import Tensor
 
 from ..frame import Frame, prepare_frame
 from ..geometry.camera import Camera
-from ..geometry.inputs import pose_of
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from ..typing import ImageLike
@@ -152,7 +152,7 @@ def starts_of(targets: Sequence[Target]) -> list[Start]:
         key = (id(target.image), target.camera)
         if key not in prepared:
             prepared[key] = prepare_frame(target.image, target.camera)
-        centred = target.mesh.inner(pose_of(target.pose))
+        centred = target.mesh.inner(target.pose.detach().to(torch.float64))
         starts.append(Start(prepared[key], target.mesh, centred))
     return starts
 
