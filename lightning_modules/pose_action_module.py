@@ -324,6 +324,8 @@ def _near(delta: Tensor, batch: TrainingBatch) -> Tensor:
 
 def _means(batches: list[dict[str, Tensor]]) -> dict[str, Tensor]:
     """Of every term, over the batches that have it."""
+    if len(batches) == 1:  # nearly always: no work in every step
+        return batches[0]
     names = dict.fromkeys(name for batch in batches for name in batch)
     known = {name: [batch[name] for batch in batches if name in batch] for name in names}
     return {name: torch.stack(values).mean(0) for name, values in known.items()}

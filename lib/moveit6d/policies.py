@@ -205,9 +205,9 @@ def load_policy(
     source = f"{name} (sha256 {loaded.sha256[:12]})"
     policy = NetworkPolicy(loaded.network, source, compute, device)
     # Policies of the same weights share what their network traces and packs.
-    key = (loaded.sha256, compute, str(device))
+    key = (loaded.sha256, policy.network.is_bfloat16, str(device))
     policy.network = _SHARED.setdefault(key, policy.network)
     return policy
 
 
-_SHARED: WeakValueDictionary[tuple[str, str, str], InferenceNetwork] = WeakValueDictionary()
+_SHARED: WeakValueDictionary[tuple[str, bool, str], InferenceNetwork] = WeakValueDictionary()

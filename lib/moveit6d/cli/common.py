@@ -6,7 +6,6 @@ Never knows a single verb.
 from __future__ import annotations
 
 import argparse
-import json
 import platform
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -278,7 +277,7 @@ def run_facts(setting: Setting) -> dict[str, Any]:
         "weights": weights_facts(setting.weights)["weights_sha256"],
         "renderer": setting.renderer,
         "compute": setting.compute,
-        "config": json.loads(json.dumps(setting.config.as_dict())),
+        "config": setting.config.as_dict(),
     }
 
 

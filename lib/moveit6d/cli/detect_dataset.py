@@ -9,12 +9,12 @@ import argparse
 import hashlib
 import json
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..config import TrackerConfig
 from ..errors import InputError
 from .apart import check_result
 from .common import Setting, make_tools, run_facts, targets_file
@@ -27,20 +27,16 @@ from .settings import check_settings
 if TYPE_CHECKING:
     from ..datasets.bop import BopDataset, BopTarget, Estimate
     from ..datasets.bop_boxes import Boxes
-    from ..estimation import TemplateStore
+    from ..estimation import PoseDetector
     from ..estimation.detection import SearchRegion
     from ..geometry.camera import Camera
-    from ..geometry.mesh import Unit
-    from ..policies import Policy
-    from ..rendering.renderer import Renderer
-
-DEFAULT = TrackerConfig()
+    from ..geometry.mesh import Mesh, Unit
 
 
 def run(args: argparse.Namespace) -> int:
     """Detect in image after image and write what was done, after Ctrl-C too."""
     from ..datasets.bop import TARGETS, BopDataset, write_results
-    from ..estimation import TemplateStore
+    from ..estimation import PoseDetector, TemplateStore
     from ..estimation.detection import default_store
 
     _check_options(args)
@@ -55,7 +51,14 @@ def run(args: argparse.Namespace) -> int:
     _check(dataset, images, args.distance)
     setting = Setting.of(args)
     policy, renderer = make_tools(setting)
-    store = TemplateStore(default_store())
+    make = partial(
+        PoseDetector,
+        policy=policy,
+        renderer=renderer,
+        config=setting.config,
+        store=TemplateStore(default_store()),
+        threads=setting.threads,
+    )
     done: list[Estimate] = []
     errors: list[str] = []
     facts = _facts(args, images, boxes, setting)
@@ -66,10 +69,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             for targets in progress(left, len(left), "detect", "image"):
                 try:
-                    new = detect_image(
-                        dataset, targets, policy, renderer, store, args.distance, boxes,
-                        setting.config, setting.threads,
-                    )  # fmt: skip
+                    new = detect_image(dataset, targets, make, args.distance, boxes)
                 except InputError as error:  # one that cannot be used does not stop the others
                     errors.append(f"image {targets[0].image} of scene {targets[0].scene}: {error}")
                     note(errors[-1])
@@ -171,22 +171,18 @@ def _check(
 def detect_image(
     dataset: BopDataset,
     targets: Sequence[BopTarget],
-    policy: Policy,
-    renderer: Renderer,
-    store: TemplateStore,
+    make: Callable[[Mesh, Camera], PoseDetector],
     distance: Sequence[float] | None = None,
     boxes: Boxes | None = None,
-    config: TrackerConfig = DEFAULT,
-    threads: int = 1,
 ) -> list[Estimate]:
     """The poses of an image's targets, found or not: BOP counts recall and orders by score.
 
-    A target without an object, as in BOP's detection tasks, stands for every object of the models.
-    With `boxes` nothing is looked for outside of them. The score is the probability that the pose
-    is right, of a target with an object given that it is in the image.
+    `make` gives the detector of a mesh. A target without an object, as in BOP's detection tasks,
+    stands for every object of the models. With `boxes` nothing is looked for outside of them. The
+    score is the probability that the pose is right, of a target with an object given that it is in
+    the image.
     """
     from ..datasets.bop import Estimate
-    from ..estimation import PoseDetector
     from ..estimation.detection import detect_objects
     from ..frame import prepare_frame
 
@@ -195,18 +191,7 @@ def detect_image(
     camera = dataset.camera(scene, image, (picture.shape[1], picture.shape[0]))
     frame = prepare_frame(picture, camera)
     searches = _searches(dataset, targets, camera, distance, boxes)
-    detectors = {
-        number: PoseDetector(
-            dataset.mesh(number),
-            camera,
-            policy=policy,
-            renderer=renderer,
-            config=config,
-            store=store,
-            threads=threads,
-        )
-        for number, *_ in searches
-    }
+    detectors = {number: make(dataset.mesh(number), camera) for number, *_ in searches}
     for detector in detectors.values():
         detector.prepare()
     begin = time.perf_counter()
@@ -222,7 +207,7 @@ def detect_image(
     for (number, count, _), detection in zip(searches, detections, strict=True):
         for one in (*detection.instances, *detection.rejected)[:count]:
             if number in present:
-                one = one.known_present(config.detection.verification)
+                one = one.known_present(detectors[number].config.verification)
             found.append(Estimate(scene, image, number, one.probability, one.pose, seconds))
     return found
 

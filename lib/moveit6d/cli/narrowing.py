@@ -94,16 +94,16 @@ def searching_within(setting: Setting, distance: Sequence[float] | None) -> Sett
     return replace(setting, config=replace(setting.config, recovery=recovery))
 
 
-def is_narrowed(args: argparse.Namespace) -> bool:
-    """Whether one of the options is given."""
-    return any(getattr(args, name) is not None for name in NAMES)
+def is_narrowed(args: argparse.Namespace, names: Sequence[str] = NAMES) -> bool:
+    """Whether one of the options, or of those with these names, is given."""
+    return any(getattr(args, name) is not None for name in names)
 
 
 def check_first(args: argparse.Namespace) -> None:
     """`InputError` where the options do not go with the others of `track`."""
     if not is_narrowed(args):
         return
-    if len(args.mesh) > 1 and any(getattr(args, name) is not None for name in OF_ONE_FRAME):
+    if len(args.mesh) > 1 and is_narrowed(args, OF_ONE_FRAME):
         raise InputError(
             "--box, --mask and --points are for one object; of several give --distance, which is "
             "for all that are looked for, or a --start for each."

@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import re
-import sys
 import types
 import typing
 from collections.abc import Iterator, Sequence
@@ -19,6 +18,7 @@ from typing import Any
 from ..checks import reading
 from ..checks import shown as shown_value
 from ..config import TrackerConfig
+from ..config.types import kinds_of
 from ..errors import InputError
 from ..io import read_text
 
@@ -170,7 +170,7 @@ def _is_in(name: str, names: Sequence[str]) -> bool:
 
 def fields_of(config: Any, prefix: str = "") -> Iterator[tuple[str, Any, str, Any]]:
     """Dotted name, type, text and value of every field of a configuration and those inside it."""
-    kinds = typing.get_type_hints(type(config), vars(sys.modules[type(config).__module__]))
+    kinds = kinds_of(config.__class__)
     texts = argument_texts(type(config))
     for field in dataclasses.fields(config):
         name, value = prefix + field.name, getattr(config, field.name)

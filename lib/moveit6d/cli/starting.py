@@ -12,7 +12,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from .messages import note
-from .narrowing import OF_ONE_FRAME, first_pose, known_of
+from .narrowing import OF_ONE_FRAME, first_pose, is_narrowed, known_of
 from .objects import object_names
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def begin(
     there; in a distance that holds for the whole video the tracker looks by itself.
     `given` are the poses of --start; `before` is what a track that is gone on with has found.
     """
-    narrowed = any(getattr(args, name) is not None for name in OF_ONE_FRAME)
+    narrowed = is_narrowed(args, OF_ONE_FRAME)
     searched = [
         number
         for number, (mesh, pose) in enumerate(zip(meshes, given, strict=True))

@@ -10,6 +10,7 @@ from enum import StrEnum
 from typing import Literal
 
 from ..errors import InputError
+from .ranges import check_range
 
 
 class ActionMode(StrEnum):
@@ -45,6 +46,8 @@ class LoopConfig:
         revisit_delta: a pose that differs from an earlier one by less than this on every axis, in
             action units, is the same, and ends the loop; in step sizes in mode single, where they
             are smaller.
+        least_shown: pixels of the rendering; with fewer there is nothing to compare, and the
+            confidence is 0.
         width_error: standard deviation of an object's width in the image, pixels, that mesh, lens
             and intrinsics leave open; real data sets call their true poses good to 1 to 2 pixels.
             Only the reported localizability depends on it.
@@ -62,6 +65,7 @@ class LoopConfig:
     augment: bool = True
     stop_delta: float = 0.5
     revisit_delta: float = 0.5
+    least_shown: int = 16
     width_error: float = 1.25
     displacement_error: float = 3.0
 
@@ -80,6 +84,7 @@ class LoopConfig:
                 "LoopConfig: step_size must be positive and fine_scale 1 or more, found "
                 f"{self.step_size} and {self.fine_scale}."
             )
+        check_range(self, "0 or more", "least_shown")
         for name in ("width_error", "displacement_error"):
             if not getattr(self, name) > 0:
                 raise InputError(

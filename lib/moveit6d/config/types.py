@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import sys
 import typing
+from functools import cache
 from numbers import Integral, Real
 from types import NoneType, UnionType
 from typing import Any
@@ -23,6 +24,12 @@ _PLAIN: dict[Any, tuple[str, Any]] = {
 }
 
 
+@cache  # every configuration is checked when it is made
+def kinds_of(configuration: type) -> dict[str, Any]:
+    """The type of every field of a configuration's class, by its name."""
+    return typing.get_type_hints(configuration, vars(sys.modules[configuration.__module__]))
+
+
 def check_types(config: Any, name: str = "") -> None:
     """Refuse a configuration whose fields, or those inside of them, hold another kind of value.
 
@@ -30,7 +37,7 @@ def check_types(config: Any, name: str = "") -> None:
     that of the configuration in its messages, its class if empty.
     """
     name = name or type(config).__name__
-    kinds = typing.get_type_hints(type(config), vars(sys.modules[type(config).__module__]))
+    kinds = kinds_of(config.__class__)
     for field in dataclasses.fields(config):
         value, kind = vars(config)[field.name], kinds[field.name]
         _check(value, kind, f"{name}.{field.name}")

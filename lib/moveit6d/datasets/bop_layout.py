@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+TESTED = "test"  # how the names of those splits begin that BOP's targets are of: test_primesense
 IMAGE_SUFFIXES = (".png", ".jpg", ".tif", ".jpeg")
 MODEL_SUFFIXES = (".ply", ".obj", ".glb", ".gltf", ".dae", ".stl", ".off")
 MODEL_FOLDERS = ("models", "models_cad", "models_eval", "models_reconst")

@@ -19,7 +19,7 @@ from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..io import read_json, read_json_list, replacing, write_json
 from .bop import TARGETS, Instance
-from .bop_layout import scene_folders
+from .bop_layout import TESTED, scene_folders
 from .mesh_writers import write_ply
 from .video import Image
 from .writer_checks import check_no_lens, write_shared_mesh
@@ -27,7 +27,6 @@ from .writer_checks import check_no_lens, write_shared_mesh
 LEAST_VISIBLE = 0.1  # instances that are seen less are no targets (enumerate_test_targets.py)
 DEPTH_SCALES = (0.1, 1.0)  # a step of a depth image in millimetres: the first that reaches, or last
 MOST_STEPS = 65535
-TESTED = "test"  # how the names of those splits begin that BOP's targets are of: test_primesense
 
 
 @dataclass(frozen=True, eq=False)

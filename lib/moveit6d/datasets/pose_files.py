@@ -110,8 +110,7 @@ class PoseWriter:
         if self._end == 0:
             return
         first = content[: content.find(b"\n")].decode("utf-8-sig", errors="replace")
-        names = (column.strip() for column in first.split(","))
-        self.columns = tuple(FORMER.get(name, name) for name in names)
+        self.columns = _present_names(column.strip() for column in first.split(","))
         missing = [column for column in ("frame", *POSE_COLUMNS) if column not in self.columns]
         if missing:
             raise InputError(
@@ -210,7 +209,8 @@ def read_poses(
     lines = read_text(Path(path)) if text is None else text
     try:
         reader = csv.DictReader(io.StringIO(lines, newline=""), skipinitialspace=True)
-        missing = [c for c in ("frame", *POSE_COLUMNS) if c not in (reader.fieldnames or ())]
+        reader.fieldnames = columns = _present_names(reader.fieldnames or ())
+        missing = [c for c in ("frame", *POSE_COLUMNS) if c not in columns]
         if missing:
             raise InputError(
                 f"{path}: no column {', '.join(missing)}; its first line must name the "
@@ -219,6 +219,10 @@ def read_poses(
         return [_read_row(row, f"{path}, line {reader.line_num}", middle) for row in reader]
     except csv.Error as error:
         raise InputError(f"{path} cannot be read: {error}.") from error
+
+
+def _present_names(columns: Iterable[str]) -> tuple[str, ...]:
+    return tuple(FORMER.get(column, column) for column in columns)
 
 
 def by_frame(rows: Iterable[PoseRow], where: str) -> dict[int, PoseRow]:
@@ -247,7 +251,6 @@ def _read_row(row: Mapping[str, str | None], where: str, center: Callable[[str],
     frame = _optional(row["frame"], f"{where}: frame")
     if frame is None or not frame.is_integer() or abs(frame) > 2**53:
         raise InputError(f"{where}: frame must be a whole number, found {row['frame']!r}.")
-    row = {FORMER.get(column, column): text for column, text in row.items()}
     iterations = _optional(row.get("iterations"), f"{where}: iterations")
     return PoseRow(
         frame=int(frame),

@@ -11,11 +11,11 @@ from dataclasses import replace
 from ..config import RecoveryConfig
 from ..errors import InputError
 from ..frame import Frame
-from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
 from .catch_up import CatchUp
 from .detection import PoseDetector, SearchRegion
+from .detection.region import check_distance
 from .detection.steps import within
 from .half_turns import HalfTurnCheck
 from .results import StopReason, TrackingResult
@@ -68,7 +68,9 @@ class Supervisor:
         """
         look = None
         if detector is not None:
-            _check_distance(config.distance, mesh, detector)
+            if config.distance is not None:
+                # Of the images that are searched. Near its last pose it may be there alone.
+                check_distance(config.distance, mesh, detector.camera.full_pinhole)
             if config.max_milliseconds is not None:
                 detector.prepare()  # a second or two, which no frame has then
             look = SecondLook(detector, config, number)
@@ -192,28 +194,9 @@ class Supervisor:
         self._interval = min(2 * self._interval, self.config.interval)
         self._near = False
         self.check = HalfTurnCheck(self.config)  # says that a search has ended
-        if pose is not None:
-            self.was_found()
+        if pose is not None and self.look is not None:
+            self.look.was_found()
         return pose
-
-
-def _check_distance(
-    distance: tuple[float, float] | None, mesh: Mesh, detector: PoseDetector
-) -> None:
-    """`InputError` where an object is too small to be found, in the image's middle, so far away."""
-    if distance is None:
-        return
-    camera = detector.camera.full_pinhole  # that of the images that are searched
-    # There an object is seen narrowest; near its last pose it may be looked for just there.
-    region = SearchRegion(box=_middle(camera), distance=distance)
-    region.widths(mesh, camera, detector.config.match.widths)
-
-
-def _middle(camera: Camera) -> tuple[float, float, float, float]:
-    """The image's pixel that is nearest to the camera's axis, as a box."""
-    u = min(max(camera.cx, 0.0), camera.width - 1.0)
-    v = min(max(camera.cy, 0.0), camera.height - 1.0)
-    return u, v, 0.0, 0.0
 
 
 def _failed(error: str, state: TrackingState) -> TrackingResult:

@@ -23,7 +23,6 @@ from .results import Refined, Start, Target, TrackingResult, starts_of
 from .schedule import Schedule
 
 DEFAULT = LoopConfig()
-LEAST_SHOWN = 16  # pixels of the rendering: with fewer there is nothing to compare
 
 
 def refine_batch(
@@ -76,7 +75,7 @@ def refine_starts(
         state = LoopState(current, diameter, numbers[rows])
         output = policy.predict(observation, state)
         output = _without_bias(output, depth_bias[rows] * schedule.fine[rows])
-        output = _sure_of_what_shows(output, observation)
+        output = _sure_of_what_shows(output, observation, loop.least_shown)
         action = to_action(output, mode, loop.step_size, loop.stop_delta)
         updated = action.apply_centred(current, diameter, policy.crop)
         pose = _replaced(pose, rows, updated)
@@ -113,12 +112,12 @@ def _without_bias(output: PolicyOutput, depth_bias: Tensor) -> PolicyOutput:
     return replace(output, delta=delta)
 
 
-def _sure_of_what_shows(output: PolicyOutput, observation: Observation) -> PolicyOutput:
+def _sure_of_what_shows(output: PolicyOutput, observation: Observation, least: int) -> PolicyOutput:
     """The prediction, of confidence 0 where the rendering shows nothing: a sheet seen edge-on.
 
     A policy would find no difference there.
     """
-    shown = observation.mask.sum((1, 2, 3)).to(output.confidence) >= LEAST_SHOWN
+    shown = observation.mask.sum((1, 2, 3)).to(output.confidence) >= least
     return replace(output, confidence=output.confidence * shown)
 
 

@@ -37,8 +37,8 @@ class Proposals:
         self.mesh, self.camera, self.bank, self.pyramid = mesh, camera.full_pinhole, bank, pyramid
         self.region, self.config = region, config
         # Widths are shares of the image as it was taken, which may be smaller.
-        sides = (min(one.width, one.height) for one in (camera, self.camera))
-        self._share = next(sides) / next(sides)
+        taken = min(camera.width, camera.height)
+        self._share = taken / min(self.camera.width, self.camera.height)
         self._finder = PlaceFinder(bank.coarse, config.match, config.templates.colour)
         self._known: list[Place] = []
         self._matcher: ViewMatcher | None = None

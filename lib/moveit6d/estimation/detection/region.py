@@ -202,9 +202,25 @@ class SearchRegion:
             return torch.tensor([[x + wide / 2, y + high / 2]], dtype=torch.float64)
         if self.near is not None:
             return _pixel(mesh, self.near, camera)[None]
-        u, v = min(max(camera.cx, 0), right), min(max(camera.cy, 0), bottom)
+        u, v = _middle(camera)
         places = [(u, v), (0, v), (right, v), (u, 0), (u, bottom)]
         return torch.tensor(places, dtype=torch.float64)
+
+
+def check_distance(distance: tuple[float, float], mesh: Mesh, camera: Camera) -> None:
+    """`InputError` where an object is too small to be found in the image's middle so far away.
+
+    There it is seen narrowest.
+    """
+    middle = torch.tensor([_middle(camera)], dtype=torch.float64)
+    _widths_between(distance, mesh, camera, widening(middle, camera))
+
+
+def _middle(camera: Camera) -> tuple[float, float]:
+    """The image's pixel that is nearest to the camera's axis."""
+    u = min(max(camera.cx, 0.0), camera.width - 1.0)
+    v = min(max(camera.cy, 0.0), camera.height - 1.0)
+    return u, v
 
 
 def _widths_between(

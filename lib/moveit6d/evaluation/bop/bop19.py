@@ -16,6 +16,7 @@ from torch import Tensor
 
 from ...checks import entry, whole
 from ...datasets.bop import TARGETS, BopDataset, BopTarget, Estimate, Instance
+from ...datasets.bop_layout import TESTED
 from ...datasets.video import image_size
 from ...errors import InputError
 from ...geometry.camera import Camera
@@ -84,7 +85,7 @@ def targets_of(dataset: BopDataset, name: str | None = None) -> list[BopTarget]:
     can be seen, as in bop_toolkit's enumerate_test_targets.py. `InputError` for detection targets,
     which name no objects.
     """
-    known = dataset.split.startswith("test") and (dataset.root / TARGETS).is_file()
+    known = dataset.split.startswith(TESTED) and (dataset.root / TARGETS).is_file()
     if name is None and not known:
         return [target for scene in dataset.scenes() for target in _visible_in(dataset, scene)]
     targets = dataset.targets(TARGETS if name is None else name)
