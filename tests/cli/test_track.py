@@ -292,6 +292,18 @@ def test_a_first_frame_that_cannot_be_calibrated_from_is_said(clip: Clip, capsys
     assert "the first frame cannot be read, so that nothing is cal" in capsys.readouterr().err
 
 
+def test_an_object_that_looks_larger_than_its_mesh_is_told(
+    clip: Clip, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for size, words in ((1.036, "looks 3.6 % larger than its mesh"), (0.98, "2.0 % smaller than")):
+        monkeypatch.setattr("moveit6d.estimation.tracker.seen_size", lambda *_, k=size: k)
+        assert clip.track("--no_overlay", "--exact_start") == 0
+        assert words in capsys.readouterr().err
+    monkeypatch.setattr("moveit6d.estimation.tracker.seen_size", lambda *_: 1.005)
+    assert clip.track("--no_overlay", "--exact_start") == 0
+    assert "than its mesh" not in capsys.readouterr().err
+
+
 def test_its_options_are_the_settings_that_it_reads(make_sequence: Make, tmp_path: Path) -> None:
     made = make_sequence("clip", frames=3)
     with recorded() as read:

@@ -25,8 +25,9 @@ from .common import (
     new_folder,
 )
 from .earlier import PICTURE, clear_earlier
+from .exact_start import from_exact_start
 from .journal import Journal, journal_file
-from .messages import note, progress
+from .messages import progress
 from .narrowing import add_narrowing_options, check_first, searching_within, start_file
 from .no_effect import note_without_effect
 from .not_found import say_why
@@ -234,7 +235,9 @@ def run(args: argparse.Namespace) -> int:
         PoseWriter(output / "poses.csv", track_columns(len(meshes)), resume=resume) as table,
         track_files(files, args, names, tracker, beginning.starts, frames, earlier) as write,
     ):
-        todo = _calibrated(args, setting, tracker, progress(ahead, frames.length, "track"))
+        todo = progress(ahead, frames.length, "track")
+        if args.exact_start and setting.config.calibration.enabled:
+            todo = from_exact_start(tracker, names, todo)
         if resume:
             todo = going_on(tracker, todo, before, painting.see)
         steps = complaining(run_tracker(tracker, todo, names))
@@ -330,25 +333,6 @@ def _sized(frames: Iterator[VideoFrame], camera: Camera) -> Iterator[VideoFrame]
             check_size(frame.name, width, height, camera)
             break
     return chain(seen, frames)
-
-
-def _calibrated(
-    args: argparse.Namespace, setting: Setting, tracker: AnyTracker, frames: Iterator[VideoFrame]
-) -> Iterator[VideoFrame]:
-    """The same frames; with --exact_start the tracker is calibrated from the first."""
-    from ..evaluation.run_tracker import calibrating
-
-    if not (args.exact_start and setting.config.calibration.enabled):
-        return frames
-    return calibrating(tracker, _first_seen(frames))
-
-
-def _first_seen(frames: Iterable[VideoFrame]) -> Iterator[VideoFrame]:
-    """The same frames; a note where the first, which is to be calibrated from, cannot be read."""
-    for number, frame in enumerate(frames):
-        if number == 0 and frame.image is None:
-            note("--exact_start: the first frame cannot be read, so that nothing is calibrated.")
-        yield frame
 
 
 def _replacing(

@@ -4,6 +4,7 @@ Never imports torch and never computes anything: a configuration is plain data, 
 files, compared and sent to other processes.
 """
 
+from .calibration import CalibrationConfig
 from .detection import (
     DetectorConfig,
     MatchConfig,
@@ -17,7 +18,6 @@ from .loop import MAX_ITERATIONS, ActionMode, LoopConfig, Mode
 from .recovery import RecoveryConfig, SecondLookConfig, StateConfig
 from .tracking import (
     PAPER_CONFIG,
-    CalibrationConfig,
     ContourConfig,
     KeyframeConfig,
     MotionConfig,

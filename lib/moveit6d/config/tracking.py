@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..errors import InputError
+from .calibration import CalibrationConfig
 from .detection import DetectorConfig
 from .loop import LoopConfig
 from .ranges import check_range
@@ -217,38 +218,6 @@ class ContourConfig:
         check_range(self, "0 or more", "moves_below", "min_lines", "max_step", "max_delta")
         check_range(self, "0 or more", "agreement_error")
         check_range(self, "from 0 to 1", "histogram_rate")
-
-
-@dataclass(frozen=True)
-class CalibrationConfig:
-    """Calibration from a frame in which the pose is exact.
-
-    Args:
-        enabled: calibrate where a command is told that the first pose is exact.
-        pairs: perturbed starts to either side of the known pose.
-        spread: standard deviation of those starts on the six axes, in action units.
-        share: part of the depth bias found in one frame that lasts; the rest belongs to that view.
-        disagreement: standard deviation of the updates from those starts, in action units, at which
-            half of the bias counts: where they lead to different depths, as of slender
-            objects, what one frame says holds for that frame alone.
-        max_bias: largest depth bias, in action units: more is a pose that is not exact.
-    """
-
-    enabled: bool = True
-    pairs: int = 4
-    spread: tuple[float, float, float, float, float, float] = (1.0, 1.0, 1.0, 1.5, 1.5, 1.5)
-    share: float = 0.6
-    disagreement: float = 1.0
-    max_bias: float = 3.0
-
-    def __post_init__(self) -> None:
-        if not self.disagreement > 0:
-            raise InputError(
-                f"CalibrationConfig: disagreement must be positive, found {self.disagreement}."
-            )
-        check_range(self, "0 or more", "pairs", "max_bias")
-        check_range(self, "0 or more and finite", "spread")
-        check_range(self, "from 0 to 1", "share")
 
 
 @dataclass(frozen=True)

@@ -34,9 +34,10 @@ class TrackState:
     `above_low` and `above_high` say which thresholds the last confidence reached, `slow` that the
     object is confidently tracked and hardly moved, `begins` that it was just found: what leads from
     there to the next pose, which is of the same frame, is no motion. `histograms` are the colours
-    of the object and its surroundings, `depth_bias` what the policy is known to be off by
-    (`calibration`), `keyframes` what the object looked like, None where that is not remembered, and
-    `sure_keyframes` those that do not rest on the pose that the track began with.
+    of the object and its surroundings. `size` is how many times as large as the user's mesh `mesh`
+    is, `depth_bias` what the policy is known to be off by (`calibration`, both), `keyframes` what
+    the object looked like, None where that is not remembered, and `sure_keyframes` those that do
+    not rest on the pose that the track began with.
     """
 
     mesh: Mesh
@@ -52,6 +53,7 @@ class TrackState:
     slow: bool = False
     begins: bool = False
     histograms: ColourHistograms | None = None
+    size: float = 1.0
     depth_bias: float = 0.0
     keyframes: KeyframeMemory | None = None
     sure_keyframes: KeyframeMemory | None = None
@@ -73,7 +75,8 @@ class TrackState:
         """
         again = TrackState.begin(self.mesh, self.nearest_equivalent(centred), self.config)
         again.begins = True
-        again.histograms, again.depth_bias = self.histograms, self.depth_bias
+        again.histograms = self.histograms
+        again.size, again.depth_bias = self.size, self.depth_bias
         again.keyframes = again.sure_keyframes = keyframes
         return again
 

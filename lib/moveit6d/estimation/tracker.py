@@ -25,7 +25,7 @@ from ..rendering.renderer import Renderer
 from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
 from .apart import Instances
-from .calibration import depth_bias
+from .calibration import depth_bias, seen_size
 from .contour_stage import refine_result
 from .detection import PoseDetector, TemplateStore, can_search
 from .detection.instances import same_meshes
@@ -195,8 +195,9 @@ class PoseTracker(Generic[Results]):
         self.supervisors[number] = self._supervisor(number, mesh, start, found)
         self.meshes[number] = mesh
         # Keyframes are kept of meshes without colours only.
+        track = self.tracks[number]
         self.tracks[number] = replace(
-            self.tracks[number], mesh=mesh, keyframes=None, sure_keyframes=None
+            track, mesh=mesh.scaled(track.size), keyframes=None, sure_keyframes=None
         )
 
     def _supervisor(self, number: int, mesh: Mesh, pose: Pose | None, found: bool) -> Supervisor:
@@ -220,27 +221,31 @@ class PoseTracker(Generic[Results]):
         """Calibrate from an image in which the present poses are exact.
 
         For the frame of the start poses, if they are known well: the colours tell each object from
-        its surroundings (`contour`), and how far off the policy is here it will be off later
-        (`calibration`). `InputError` if the image does not fit the camera, or if a pose is not
-        known.
+        its surroundings (`contour`), it will look as large later as it does here, and how far off
+        the policy is here it will be off later (`calibration`). `InputError` if the image does not
+        fit the camera, or if a pose is not known.
         """
         frame = prepare_frame(image, self.camera)
         if any(supervisor.lost for supervisor in self.supervisors):
             raise InputError("There is nothing to calibrate from while an object is lost.")
-        for number, track in enumerate(self.tracks):
-            self._remember(frame, track, 1.0)
-            track.sure_keyframes = track.keyframes
-            exact = Start(frame, track.mesh, track.centred, keyframes=track.keyframes)
-            track.histograms = histograms_at(
-                frame.pixels,
-                frame.intrinsics,
-                track.mesh,
-                track.centred,
-                self.renderer,
-                self.config.contour,
-                frame.camera.lens,
-            )
+        for number, (mesh, track) in enumerate(zip(self.meshes, self.tracks, strict=True)):
+            before = track.keyframes
+            exact = self._exact(frame, track, mesh)
+            track.size = seen_size(exact, self.policy, self.renderer, self.config, number)
+            track.keyframes = before
+            exact = self._exact(frame, track, mesh.scaled(track.size))
             track.depth_bias = depth_bias(exact, self.policy, self.renderer, self.config, number)
+            track.histograms = histograms_at(
+                frame.pixels, frame.intrinsics, track.mesh, track.centred, self.renderer,
+                self.config.contour, frame.camera.lens,
+            )  # fmt: skip
+
+    def _exact(self, frame: Frame, track: TrackState, mesh: Mesh) -> Start:
+        """Follow by this mesh, with what the frame shows of it, from where it is exactly."""
+        track.mesh = mesh
+        self._remember(frame, track, 1.0)
+        track.sure_keyframes = track.keyframes
+        return Start(frame, mesh, track.centred, keyframes=track.keyframes)
 
     @with_own_threads
     def update(self, image: ImageLike | Frame | None) -> Results:

@@ -166,6 +166,17 @@ class Mesh:
         """The file frame's pose, given the centred frame's (any batch shape); shares no memory."""
         return Pose(pose.rotation.clone(), pose.translation - self._moved_center(pose))
 
+    def scaled(self, factor: float) -> Mesh:
+        """This mesh so many times as large, about its bounding sphere's centre."""
+        if factor == 1:
+            return self
+        return replace(
+            self,
+            vertices=(self.vertices * factor).astype(np.float32),
+            sphere_diameter=self.sphere_diameter * factor,
+            diameter=self.diameter * factor,
+        )
+
     @cached_property
     def motions(self) -> NDArray[np.float64]:
         """Motions (S, 4, 4) of the centred frame that leave its looks unchanged, identity first."""
