@@ -35,6 +35,23 @@ def test_an_observation_is_crop_and_rendering_in_one_view(brick: Mesh, crop: Cro
     torch.testing.assert_close(found.distance, (view.distance / size).float())
 
 
+@pytest.mark.parametrize("crop", ["look_at", "axis_parallel"])
+def test_a_larger_crop_shows_the_same_in_its_middle(brick: Mesh, crop: Crop) -> None:
+    image = np.random.default_rng(0).integers(0, 255, (240, 320, 3), dtype=np.uint8)
+    frame, renderer = prepare_frame(image, CAMERA), make_renderer()
+    pose = Pose.from_rvec([[0.1, 0.2, 0.3], [0, 0, 0]], [[0.05, 0, 0.7], [0, 0.02, 0.5]])
+    enlarged = torch.full((2,), brick.sphere_diameter / 1.6, dtype=torch.float64)
+    usual, larger = (
+        observe([frame] * 2, [brick] * 2, pose, enlarged, renderer, crop, size)
+        for size in (128, 192)
+    )
+    assert larger.image.shape == (2, 3, 192, 192) and larger.mask.sum() > usual.mask.sum()
+    for name in ("image", "rendering", "depth", "mask"):
+        middle = getattr(larger, name)[..., 32:-32, 32:-32]
+        off = (middle - getattr(usual, name)).abs()
+        assert (off < 1e-3).float().mean() > 0.999, "but for edges, where rays miss by a hair"
+
+
 def test_one_rendering_serves_all_views_in_which_it_is_the_same(brick: Mesh) -> None:
     frame, renderer = prepare_frame(np.zeros((240, 320, 3), np.uint8), CAMERA), make_renderer()
     pose = Pose.from_rvec([[0, 0, 0], [0, 0, 0]], [[0, 0, 0.7], [0, 0, 0.7]])

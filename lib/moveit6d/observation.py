@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from .frame import Frame
-from .geometry.crop import Crop, View, crop_patch, view_of
+from .geometry.crop import PATCH_SIZE, Crop, View, crop_patch, view_of
 from .geometry.mesh import Mesh
 from .geometry.pose import Pose
 from .rendering.renderer import GBuffer, Renderer
@@ -79,18 +79,19 @@ def observe(
     sphere_diameter: Tensor,
     renderer: Renderer,
     crop: Crop = "look_at",
+    size: int = PATCH_SIZE,
 ) -> Observation:
     """Crop the frames and render the meshes at centred poses (B), one observation each.
 
     `sphere_diameter` (B,) are those, metres, that fill the crops: a smaller one than the mesh's
-    shows the middle of the object enlarged.
+    shows the middle of the object enlarged. Crops of another `size` show more around it, no larger.
     """
-    view = view_of(pose, sphere_diameter, crop)
+    view = view_of(pose, sphere_diameter, crop).widened(size)
     crops = [
-        crop_patch(frame.pixels, view[row], frame.intrinsics, frame.camera.lens)
+        crop_patch(frame.pixels, view[row], frame.intrinsics, frame.camera.lens, size)
         for row, frame in enumerate(frames)
     ]
-    gbuffer = renderer.render(meshes, view.to_virtual(pose), view.intrinsics)
+    gbuffer = renderer.render(meshes, view.to_virtual(pose), view.intrinsics, size)
     return assemble(torch.stack(crops), gbuffer, view, sphere_diameter)
 
 

@@ -111,7 +111,7 @@ def test_a_file_may_be_written_by_powershell_and_name_others_beside_it(tmp_path:
 
 
 def test_a_verb_has_options_for_the_part_that_it_reads_alone() -> None:
-    part = SettingsPart(("loop", "low_confidence"), but=("loop.augment",))
+    part = SettingsPart(("loop", "low_confidence"), but=("loop.augment", "loop.augment_size"))
     parser = argparse.ArgumentParser()
     add_settings(parser, part=part)
     found = settings_of(parser.parse_args(["--low_confidence", "0.1", "--max_iterations", "3"]))

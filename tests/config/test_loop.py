@@ -30,6 +30,8 @@ def test_the_difference_of_poses_is_in_step_sizes_for_single_actions_only() -> N
         ({"max_iterations": 0}, "max_iterations must be 1 or more, found 0"),
         ({"step_size": 0.0}, "step_size must be positive"),
         ({"fine_scale": 0.5}, "fine_scale 1 or more"),
+        ({"augment_size": 200}, "augment_size must be a multiple of 32 and 128 or more, found 200"),
+        ({"augment_size": 96}, "augment_size must be .* found 96"),
         ({"width_error": 0.0}, "width_error must be positive"),
     ],
 )

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
 
-from moveit6d.config import ActionMode, LoopConfig, TrackerConfig
+from moveit6d.config import ActionMode, LoopConfig, MultiStartConfig, TrackerConfig
 from moveit6d.errors import InputError
 from moveit6d.estimation import PoseEstimator, Target, refine_single
 from moveit6d.geometry.camera import Camera
 from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
-from moveit6d.policies import OraclePolicy
+from moveit6d.observation import Observation
+from moveit6d.policies import LoopState, NetworkPolicy, OraclePolicy
 from moveit6d.rendering.backends import make_renderer
 
 CAMERA = Camera(300, 300, 159.5, 119.5, 320, 240)
@@ -66,6 +69,28 @@ def test_bytes_floats_and_lenses_lead_to_the_truth(
 def test_augmentation_is_one_more_iteration(brick: Mesh) -> None:
     without, with_it = (estimator(brick, augment=a).refine(GRAY, START) for a in (False, True))
     assert with_it.iterations == without.iterations + 1
+
+
+def test_networks_see_all_of_the_object_in_it_and_other_policies_their_usual_crops(
+    brick: Mesh, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes: list[int] = []
+    for kind in (NetworkPolicy, OraclePolicy):
+
+        def watched(
+            self: Any, seen: Observation, state: LoopState, plain: Any = kind.predict
+        ) -> Any:
+            sizes.append(seen.mask.shape[-1])
+            return plain(self, seen, state)
+
+        monkeypatch.setattr(kind, "predict", watched)
+    estimator(brick).refine(GRAY, START)
+    assert set(sizes) == {128}
+    sizes.clear()
+    config = TrackerConfig(multi_start=MultiStartConfig(enabled=False))
+    PoseEstimator(brick, CAMERA, config=config).refine(GRAY, START)
+    # The loop, the eight views, and the confidence for searches at the pose found.
+    assert sizes == [128] * (len(sizes) - 9) + [192] * 8 + [128]
 
 
 def test_what_cannot_be_seen_does_not_change_which_target_another_is(brick: Mesh) -> None:

@@ -63,6 +63,18 @@ def test_a_line_between_the_middles_of_cells_is_in_them() -> None:
     assert object_pixels(mask, 4)[1].sum() == 28  # of columns 8 to 119
 
 
+def test_points_of_a_larger_patch_are_the_same_in_its_middle() -> None:
+    generator = torch.Generator().manual_seed(0)
+    depth = torch.randn(3, 1, 192, 192, dtype=torch.float64, generator=generator) * 0.15
+    middle = depth[..., 32:-32, 32:-32].contiguous()
+    found = surface_points(depth, DISTANCE, cell_pixels(8) + 32)
+    torch.testing.assert_close(found, surface_points(middle, DISTANCE, cell_pixels(8)))
+    mask = (depth > 0.2).float()
+    pixels, covered = object_pixels(mask, 8)
+    assert torch.equal(mask[0, 0, pixels[0, :, 1], pixels[0, :, 0]], covered[0])
+    assert (pixels // 8 == cell_pixels(8, 192) // 8).all()
+
+
 def test_points_project_back_to_their_pixels() -> None:
     expected = cell_pixels(8).double().expand(3, -1, -1)
     torch.testing.assert_close(project_points(some_points(), DISTANCE), expected)

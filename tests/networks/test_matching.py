@@ -33,6 +33,12 @@ def test_fast_correlations_agree_with_a_plain_loop() -> None:
         torch.testing.assert_close(found, expected, atol=1e-5, rtol=0)
 
 
+def test_a_grid_of_another_size_is_correlated_as_well() -> None:
+    render, image = torch.randn(2, 1, 5, 24, 24, generator=torch.Generator().manual_seed(0))
+    expected, usual = plain_correlation(render, image, 3), window_index(16, 3)
+    torch.testing.assert_close(correlate(render, image, usual, 3), expected, atol=1e-5, rtol=0)
+
+
 def test_a_warp_looks_where_the_displacement_leads() -> None:
     features = torch.randn(1, 3, 16, 16, generator=torch.Generator().manual_seed(0))
     still = warp_cells(features, torch.zeros(1, 2, 16, 16), 4)

@@ -29,6 +29,7 @@ READ = SettingsPart(
     ("loop", "contour", "detection"),
     but=(
         "loop.augment",
+        "loop.augment_size",
         "loop.width_error",
         "loop.displacement_error",
         "contour.histogram_rate",

@@ -48,7 +48,8 @@ FROM_TRACKS = ("ycb_add", "ycb_auc", "laval")  # may work in several processes
 PARTS = {
     **dict.fromkeys(FROM_TRACKS, track.READ),
     "convergence": SettingsPart(
-        ("loop",), but=("loop.augment", "loop.width_error", "loop.displacement_error")
+        ("loop",),
+        but=("loop.augment", "loop.augment_size", "loop.width_error", "loop.displacement_error"),
     ),
     "attention": SettingsPart(()),
 }

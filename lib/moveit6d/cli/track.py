@@ -62,6 +62,7 @@ READ = SettingsPart(
     EVERYTHING.names,
     but=(
         "loop.augment",
+        "loop.augment_size",
         "loop.width_error",
         "loop.displacement_error",
         "multi_start.below",

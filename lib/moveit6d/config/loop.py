@@ -41,6 +41,8 @@ class LoopConfig:
             as many times smaller.
         fine_threshold: the fine stage begins once the delta is below this on every axis.
         augment: single images get one more iteration with test-time augmentation (mode all_axes).
+        augment_size: side of that iteration's crops, pixels, a multiple of 32 from 128 on: larger
+            ones show all of the object in the fine stage.
         stop_delta: in mode all_axes the loop also stops once the delta is below this on every axis,
             in step sizes.
         revisit_delta: a pose that differs from an earlier one by less than this on every axis, in
@@ -63,6 +65,7 @@ class LoopConfig:
     fine_scale: float = 1.6
     fine_threshold: float = 5.0
     augment: bool = True
+    augment_size: int = 192
     stop_delta: float = 0.5
     revisit_delta: float = 0.5
     least_shown: int = 16
@@ -85,6 +88,11 @@ class LoopConfig:
                 f"{self.step_size} and {self.fine_scale}."
             )
         check_range(self, "0 or more", "least_shown")
+        if self.augment_size < 128 or self.augment_size % 32:
+            raise InputError(
+                "LoopConfig: augment_size must be a multiple of 32 and 128 or more, found "
+                f"{self.augment_size}."
+            )
         for name in ("width_error", "displacement_error"):
             if not getattr(self, name) > 0:
                 raise InputError(

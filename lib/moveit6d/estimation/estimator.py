@@ -11,9 +11,10 @@ from dataclasses import replace
 from ..config import ActionMode, LoopConfig, TrackerConfig
 from ..frame import Frame, prepare_frame
 from ..geometry.camera import Camera
+from ..geometry.crop import PATCH_SIZE
 from ..geometry.mesh import Mesh
 from ..geometry.pose import Pose
-from ..policies import DihedralAugmentation, Policy, mode_of
+from ..policies import DihedralAugmentation, NetworkPolicy, Policy, mode_of
 from ..rendering.renderer import Renderer
 from ..threads import checked_threads, with_own_threads
 from ..typing import ImageLike
@@ -120,11 +121,16 @@ def _augmented(
     renderer: Renderer,
     loop: LoopConfig,
 ) -> list[Refined]:
-    """The results after one augmented iteration each; one that fails then stays as it was."""
+    """The results after one augmented iteration each; one that fails then stays as it was.
+
+    Our networks take crops of any size; other policies may not.
+    """
     found = list(results)
+    size = loop.augment_size if isinstance(policy, NetworkPolicy) else PATCH_SIZE
     again = once_more(
-        starts, results, policy=DihedralAugmentation(policy), renderer=renderer, loop=loop
-    )
+        starts, results, policy=DihedralAugmentation(policy), renderer=renderer, loop=loop,
+        size=size,
+    )  # fmt: skip
     for i, last in again.items():
         if last.centred is not None:
             found[i] = replace(

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from ..config import LoopConfig
+from ..geometry.crop import PATCH_SIZE
 from ..geometry.mesh import sphere_diameters
 from ..geometry.pose import Pose
 from ..networks.policy_output import PolicyOutput
@@ -50,13 +51,15 @@ def refine_starts(
     loop: LoopConfig = DEFAULT,
     groups: Sequence[int] | None = None,
     targets: Sequence[int] | None = None,
+    size: int = PATCH_SIZE,
 ) -> list[Refined]:
     """`refine_batch` for starts.
 
     `groups` numbers starts for one object: after the first iteration only the most confident of
     each group goes on, and the results are one per group, in the order of the starts. `targets`
     are the numbers by which the policy knows the starts (`LoopState.target`): those of the groups
-    if None, or without groups those of the rows.
+    if None, or without groups those of the rows. `size` is the side of the crops, pixels; others
+    than the usual one do not go with keyframes.
     """
     if not starts:
         return []
@@ -64,12 +67,12 @@ def refine_starts(
     schedule = Schedule(starts, loop, mode, groups, policy.crop)
     numbers = schedule.groups if targets is None else torch.as_tensor(targets)
     pose = Pose.stack([start.centred for start in starts])
-    size = sphere_diameters(start.mesh for start in starts)
+    diameters = sphere_diameters(start.mesh for start in starts)
     depth_bias = torch.tensor([start.depth_bias for start in starts])
     while len(rows := schedule.active):
         frames, meshes = zip(*((starts[i].frame, starts[i].mesh) for i in rows), strict=True)
-        current, diameter = pose[rows], size[rows] / schedule.scale[rows]
-        observation = observe(frames, meshes, current, diameter, renderer, policy.crop)
+        current, diameter = pose[rows], diameters[rows] / schedule.scale[rows]
+        observation = observe(frames, meshes, current, diameter, renderer, policy.crop, size)
         keyframes = [starts[i].keyframes for i in rows]
         observation = recall(observation, keyframes, meshes, current, diameter, policy.crop)
         state = LoopState(current, diameter, numbers[rows])
@@ -90,8 +93,12 @@ def once_more(
     policy: Policy,
     renderer: Renderer,
     loop: LoopConfig,
+    size: int = PATCH_SIZE,
 ) -> dict[int, Refined]:
-    """One more iteration, in the fine stage, from where each result is; by index, where it is."""
+    """One more iteration, in the fine stage, from where each result is; by index, where it is.
+
+    With crops of `size` × `size` pixels.
+    """
     rows = [(i, one.centred) for i, one in enumerate(results) if one.centred is not None]
     ends = refine_starts(
         [replace(starts[i], centred=centred, fine=True) for i, centred in rows],
@@ -99,6 +106,7 @@ def once_more(
         renderer=renderer,
         loop=replace(loop, max_iterations=1),
         targets=[i for i, _ in rows],
+        size=size,
     )
     return {i: end for (i, _), end in zip(rows, ends, strict=True)}
 

@@ -55,6 +55,12 @@ class View:
         """Where the optical axis meets the patch, pixels (..., 2) from its middle: 0 if look-at."""
         return self.intrinsics[..., :2, 2] - (PATCH_SIZE - 1) / 2
 
+    def widened(self, size: int) -> View:
+        """The same cameras with patches of size × size pixels: more around the object shows."""
+        intrinsics = self.intrinsics.clone()
+        intrinsics[..., :2, 2] += (size - PATCH_SIZE) / 2
+        return View(self.rotation, intrinsics, self.distance)
+
     def to_virtual(self, pose: Pose) -> Pose:
         """A pose of the real camera in the virtual camera's frame."""
         turned = (self.rotation @ pose.translation[..., None])[..., 0]

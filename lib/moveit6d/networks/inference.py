@@ -81,7 +81,7 @@ class InferenceNetwork:
         if self.is_bfloat16:
             _to_bfloat16(network, pack=on_cpu)
         self.folded = _Plain(network).eval()
-        self._traces: dict[int, Callable[..., Answer]] = {}
+        self._traces: dict[tuple[int, ...], Callable[..., Answer]] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """What it is made of: traces and packed numbers belong to this process and processor."""
@@ -112,10 +112,10 @@ class InferenceNetwork:
         return network.descriptors(images.to(self.device)).cpu()
 
     def _trace(self, tensors: tuple[Tensor, ...]) -> Callable[..., Answer]:
-        size = len(tensors[0])
-        if size not in self._traces:
-            self._traces[size] = _traced(self.folded, tensors)
-        return self._traces[size]
+        shape = tuple(tensors[0].shape)
+        if shape not in self._traces:
+            self._traces[shape] = _traced(self.folded, tensors)
+        return self._traces[shape]
 
 
 def _traced(network: nn.Module, tensors: tuple[Tensor, ...]) -> Callable[..., Answer]:

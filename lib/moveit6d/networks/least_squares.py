@@ -15,15 +15,14 @@ from torch.nn import functional
 from ..geometry.crop import OBJECT_SIZE, PATCH_SIZE
 from ..geometry.rotation import exp_so3
 
-_CENTRE = (PATCH_SIZE - 1) / 2
 _DEGREE = math.pi / 180
 LONGEST = 40.0  # action units, of a delta on any axis
 _SHARPEST = 2.5  # logarithm of how much better than average the better direction may be known
 
 
-def cell_pixels(stride: int) -> Tensor:
+def cell_pixels(stride: int, size: int = PATCH_SIZE) -> Tensor:
     """Patch pixel (x, y) that stands for each cell of a stride-s grid, row by row: (cells, 2)."""
-    line = torch.arange(PATCH_SIZE // stride) * stride + stride // 2
+    line = torch.arange(size // stride) * stride + stride // 2
     y, x = torch.meshgrid(line, line, indexing="ij")
     return torch.stack([x, y], -1).reshape(-1, 2)
 
@@ -35,12 +34,13 @@ def object_pixels(mask: Tensor, stride: int) -> tuple[Tensor, Tensor]:
     where the object has none in the cell; the pixel is that of `cell_pixels` there. A pen may pass
     beside the middles of most of its cells, and its tips nearly always do.
     """
-    line = (torch.arange(PATCH_SIZE, device=mask.device) % stride - stride // 2).square()
+    size = mask.shape[-1]
+    line = (torch.arange(size, device=mask.device) % stride - stride // 2).square()
     nearness = 1 / (1 + line[:, None] + line).to(mask)
     outside = 1e-3  # less near than any pixel of the object
     weighed = nearness * (mask + outside)
     index = functional.max_pool2d(weighed, stride, return_indices=True)[1].flatten(1)
-    pixels = torch.stack([index % PATCH_SIZE, index // PATCH_SIZE], -1)
+    pixels = torch.stack([index % size, index // size], -1)
     return pixels, mask.flatten(1).gather(1, index)
 
 
@@ -51,17 +51,18 @@ def surface_points(depth: Tensor, distance: Tensor, pixels: Tensor) -> Tensor:
     `pixels` (M, 2) or (B, M, 2) whole numbers. Where there is no surface the point lies at the
     centre's depth.
     """
+    size = depth.shape[-1]
     x, y = pixels.expand(len(depth), -1, -1).unbind(-1)
-    z = depth.flatten(1).gather(1, y * PATCH_SIZE + x) + distance[:, None]
+    z = depth.flatten(1).gather(1, y * size + x) + distance[:, None]
     focal = OBJECT_SIZE * distance[:, None, None]
-    rays = (pixels.to(depth) - _CENTRE) / focal
+    rays = (pixels.to(depth) - (size - 1) / 2) / focal
     return torch.cat([rays * z[..., None], z[..., None]], -1)
 
 
 def project_points(points: Tensor, distance: Tensor) -> Tensor:
     """Patch pixels of points (B, M, 3) in diameters: (B, M, 2)."""
     focal = OBJECT_SIZE * distance[:, None, None]
-    return points[..., :2] / points[..., 2:].clamp_min(1e-6) * focal + _CENTRE
+    return points[..., :2] / points[..., 2:].clamp_min(1e-6) * focal + (PATCH_SIZE - 1) / 2
 
 
 def move_points(
