@@ -192,6 +192,29 @@ def test_a_pose_in_the_other_frame_is_a_copy(way):
     assert torch.equal(pose.rotation, torch.eye(3).double()) and pose.translation[2] == 1
 
 
+@pytest.mark.parametrize("factor", [0.97, 1.04])
+def test_a_scaled_mesh_looks_as_one_nearer_or_farther_by_that_factor(factor):
+    mesh = meshes.colored_box(offset=(0.02, 0, 0.01))
+    larger = mesh.scaled(factor)
+    assert larger.sphere_diameter == pytest.approx(factor * mesh.sphere_diameter)
+    assert larger.diameter == pytest.approx(factor * mesh.diameter)
+    pose = Pose.from_rvec([0.3, -0.2, 0.5], [0.02, 0.01, 0.6])
+    near, far = mesh.inner(pose).translation, larger.inner(pose).translation * factor
+    seen, same = (
+        one.vertices @ pose.rotation.numpy().T + place.numpy()
+        for one, place in ((mesh, near), (larger, far))
+    )
+    np.testing.assert_allclose(seen[:, :2] / seen[:, 2:], same[:, :2] / same[:, 2:], atol=1e-6)
+
+
+def test_a_mesh_is_not_scaled_by_what_is_no_size():
+    mesh = meshes.colored_box(offset=(0.02, 0, 0.01))
+    assert mesh.scaled(1.0) is mesh
+    for factor in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(InputError, match="cannot be scaled by"):
+            mesh.scaled(factor)
+
+
 def test_half_turns_that_are_symmetries_are_left_out():
     vertices, faces, _, _ = meshes.box_arrays((0.1, 0.06, 0.04))
     offset = np.array([0.3, -0.2, 0.1])

@@ -167,7 +167,18 @@ class Mesh:
         return Pose(pose.rotation.clone(), pose.translation - self._moved_center(pose))
 
     def scaled(self, factor: float) -> Mesh:
-        """This mesh so many times as large, about its bounding sphere's centre."""
+        """This mesh so many times as large, about its bounding sphere's centre.
+
+        `InputError` if the factor is not positive and finite.
+
+        >>> corners = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
+        >>> mesh = Mesh.from_arrays("corner", corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        >>> larger = mesh.scaled(1.1)
+        >>> round(larger.diameter / mesh.diameter, 4), bool((larger.center == mesh.center).all())
+        (1.1, True)
+        """
+        if not 0 < factor < math.inf:
+            raise InputError(f"{self.name}: a mesh cannot be scaled by {factor}.")
         if factor == 1:
             return self
         return replace(
