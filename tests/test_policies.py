@@ -7,13 +7,16 @@ import torch
 
 from moveit6d.actions import PoseAction, mirror_delta, pose_delta, rotate_delta
 from moveit6d.errors import InputError
+from moveit6d.frame import prepare_frame
 from moveit6d.geometry.crop import Crop
+from moveit6d.geometry.mesh import Mesh
 from moveit6d.geometry.pose import Pose
 from moveit6d.geometry.rotation import random_rotations
 from moveit6d.networks.action_net import ActionNet
 from moveit6d.networks.compact import CompactConfig, CompactCorrelationNet
+from moveit6d.networks.correlation import CorrelationNet
 from moveit6d.networks.policy_output import PolicyOutput
-from moveit6d.observation import Observation, rotated
+from moveit6d.observation import Observation, observe, rotated
 from moveit6d.policies import (
     ActionMode,
     DihedralAugmentation,
@@ -24,6 +27,8 @@ from moveit6d.policies import (
     search_policy,
     to_action,
 )
+from moveit6d.rendering import make_renderer
+from tests.support import pictures
 from tests.support.observations import an_observation
 
 
@@ -189,3 +194,24 @@ def test_searches_have_the_confidence_that_was_fitted_for_them() -> None:
     found = searching.predict(seen, state)
     torch.testing.assert_close(found.confidence, expected.confidence, atol=1e-4, rtol=1e-4)
     torch.testing.assert_close(found.delta, policy.predict(seen, state).delta)
+
+
+def test_compact_networks_answer_larger_crops_as_they_answer_the_usual_ones(brick: Mesh) -> None:
+    policy, renderer = load_policy(compute="float32"), make_renderer()
+    seen = Pose(torch.eye(3).double(), torch.tensor([0.002, -0.001, 0.5], dtype=torch.float64))
+    image = pictures.picture(brick, seen).permute(1, 2, 0).numpy()
+    frame = prepare_frame(image, pictures.CAMERA)
+    start = Pose.stack([Pose(seen.rotation, seen.translation + torch.tensor([0.0, 0.001, 0.004]))])
+    diameter = torch.tensor([brick.sphere_diameter / 1.6], dtype=torch.float64)
+    state = LoopState(start, diameter, torch.zeros(1, dtype=torch.int64))
+    usual, larger = (
+        policy.predict(observe([frame], [brick], start, diameter, renderer, size=size), state)
+        for size in (128, 192)
+    )
+    assert policy.takes_larger_crops
+    assert float(usual.confidence) > 0.8
+    assert float(larger.confidence) == pytest.approx(float(usual.confidence), abs=0.1)
+    truth = pose_delta(start, Pose.stack([seen]), diameter)
+    assert usual.delta is not None and larger.delta is not None
+    assert (usual.delta - truth).abs().max() < 1.5 and (larger.delta - truth).abs().max() < 1.5
+    assert not NetworkPolicy(CorrelationNet()).takes_larger_crops

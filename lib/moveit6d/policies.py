@@ -123,6 +123,11 @@ class NetworkPolicy:
             return self
         return NetworkPolicy(network.for_search(), self.source, self._compute, self._device)
 
+    @property
+    def takes_larger_crops(self) -> bool:
+        """Whether the network answers crops of more pixels than it was trained with as well."""
+        return isinstance(self._given, CompactCorrelationNet)
+
     def predict(self, observation: Observation, state: LoopState) -> PolicyOutput:
         """One pass of the network."""
         return self.network(observation)

@@ -295,7 +295,10 @@ def test_a_first_frame_that_cannot_be_calibrated_from_is_said(clip: Clip, capsys
 def test_an_object_that_looks_larger_than_its_mesh_is_told(
     clip: Clip, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for size, words in ((1.036, "looks 3.6 % larger than its mesh"), (0.98, "2.0 % smaller than")):
+    for size, words in (
+        (1.036, "the object looks 3.6 % larger than its mesh"),
+        (0.98, "2.0 % smaller than"),
+    ):
         monkeypatch.setattr("moveit6d.estimation.tracker.seen_size", lambda *_, k=size: k)
         assert clip.track("--no_overlay", "--exact_start") == 0
         assert words in capsys.readouterr().err

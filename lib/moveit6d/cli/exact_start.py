@@ -34,7 +34,7 @@ def from_exact_start(
                     "--exact_start: the first frame cannot be read, so that nothing is calibrated."
                 )
             for name, track in zip(names, tracker.tracks, strict=True):
-                _tell_size(name, track.size)
+                _tell_size(name or "the object", track.size)
         yield frame
 
 

@@ -42,7 +42,7 @@ class LoopConfig:
         fine_threshold: the fine stage begins once the delta is below this on every axis.
         augment: single images get one more iteration with test-time augmentation (mode all_axes).
         augment_size: side of that iteration's crops, pixels, a multiple of 32 from 128 on: larger
-            ones show all of the object in the fine stage.
+            ones show all of the object in the fine stage. Of compact networks; others' are 128.
         stop_delta: in mode all_axes the loop also stops once the delta is below this on every axis,
             in step sizes.
         revisit_delta: a pose that differs from an earlier one by less than this on every axis, in

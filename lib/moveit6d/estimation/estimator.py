@@ -123,10 +123,11 @@ def _augmented(
 ) -> list[Refined]:
     """The results after one augmented iteration each; one that fails then stays as it was.
 
-    Our networks take crops of any size; other policies may not.
+    Compact networks are shown larger crops (`LoopConfig.augment_size`).
     """
     found = list(results)
-    size = loop.augment_size if isinstance(policy, NetworkPolicy) else PATCH_SIZE
+    larger = isinstance(policy, NetworkPolicy) and policy.takes_larger_crops
+    size = loop.augment_size if larger else PATCH_SIZE
     again = once_more(
         starts, results, policy=DihedralAugmentation(policy), renderer=renderer, loop=loop,
         size=size,

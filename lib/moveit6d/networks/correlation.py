@@ -14,11 +14,11 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ..geometry.crop import PATCH_SIZE, Crop
+from ..geometry.crop import Crop
 from ..observation import GREY, Observation
 from .blocks import Residual, attention_pool, conv_block, with_extra_blocks
 from .dense_prediction import DensePrediction
-from .least_squares import cell_pixels, jacobian, solve_delta, surface_points
+from .least_squares import jacobian, solve_delta, surface_points
 from .matching import (
     centred,
     correlate,
@@ -182,11 +182,8 @@ class CorrelationNet(nn.Module):
 
     def _solve(self, observation: Observation, depth: Tensor, cells: DensePrediction) -> Tensor:
         """The pose delta (B, 6) that fits the dense predictions, solved in float32."""
-        pixels, size = self.fine_pixels, depth.shape[-1]
-        if size != PATCH_SIZE:
-            pixels = cell_pixels(4, size).to(pixels.device)
-        points = surface_points(depth, observation.distance, pixels)
-        covered = observation.mask[:, 0, pixels[:, 1], pixels[:, 0]]
+        points = surface_points(depth, observation.distance, self.fine_pixels)
+        covered = observation.mask[:, 0, self.fine_pixels[:, 1], self.fine_pixels[:, 0]]
         weight = torch.sigmoid(cells.weight.float()).flatten(1) * covered
         moves, shape = (one.flatten(2).mT.float() for one in (cells.displacement, cells.shape))
         slopes = jacobian(points, observation.distance)
