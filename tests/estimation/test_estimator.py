@@ -89,7 +89,7 @@ def test_networks_see_all_of_the_object_in_it_and_other_policies_their_usual_cro
     sizes.clear()
     config = TrackerConfig(multi_start=MultiStartConfig(enabled=False))
     PoseEstimator(brick, CAMERA, config=config).refine(GRAY, START)
-    # The loop, the eight views, and the confidence for searches at the pose found.
+    # The loop and the confidence of eight views, the same views, the confidence for searches.
     assert sizes == [128] * (len(sizes) - 9) + [192] * 8 + [128]
 
 

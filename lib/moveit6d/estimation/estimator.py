@@ -123,22 +123,25 @@ def _augmented(
 ) -> list[Refined]:
     """The results after one augmented iteration each; one that fails then stays as it was.
 
-    Compact networks are shown larger crops (`LoopConfig.augment_size`).
+    Compact networks are shown larger crops (`LoopConfig.augment_size`), but the confidence is that
+    of usual ones: it is a probability where it sees what it was trained with.
     """
-    found = list(results)
+    found, views = list(results), DihedralAugmentation(policy)
     larger = isinstance(policy, NetworkPolicy) and policy.takes_larger_crops
     size = loop.augment_size if larger else PATCH_SIZE
-    again = once_more(
-        starts, results, policy=DihedralAugmentation(policy), renderer=renderer, loop=loop,
-        size=size,
-    )  # fmt: skip
-    for i, last in again.items():
+    usual = once_more(starts, results, policy=views, renderer=renderer, loop=loop)
+    moved, spent = usual, 0.0
+    if size != PATCH_SIZE:
+        moved = once_more(starts, results, policy=views, renderer=renderer, loop=loop, size=size)
+    for i, last in moved.items():
+        if moved is not usual:
+            spent = usual[i].milliseconds
         if last.centred is not None:
             found[i] = replace(
                 found[i],
                 centred=last.centred,
-                confidence=last.confidence,
+                confidence=usual[i].confidence,
                 iterations=found[i].iterations + 1,
-                milliseconds=found[i].milliseconds + last.milliseconds,
+                milliseconds=found[i].milliseconds + last.milliseconds + spent,
             )
     return found

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ..geometry.crop import PATCH_SIZE, Crop
+from ..geometry.crop import Crop
 from ..observation import GREY, Observation
 from .blocks import Residual, attention_pool, conv_block
 from .correlation import DAMPING, HEAD_SCALE, CorrelationOutput, dense_prediction
@@ -174,7 +174,8 @@ class CompactCorrelationNet(nn.Module):
         delta = solved + values[:, :6] * HEAD_SCALE
         # The confidence must not bend what the displacements are made of.
         facts = self._facts(fine, object4, object8, correlation, likeness, delta, residual)
-        pooled = _pooled(hidden, attention, object8, fine_hidden, object4)
+        pooled = [attended, attention_pool(hidden, object8), near,
+                  functional.adaptive_max_pool2d(fine_hidden * object4, 1)[..., 0, 0]]  # fmt: skip
         confidence = self.confidence_head(torch.cat([*pooled, facts.detach()], 1))[:, 0]
         prediction = PolicyOutput(
             values[:, 6:19], delta, torch.sigmoid(confidence), attention, information
@@ -207,11 +208,9 @@ class CompactCorrelationNet(nn.Module):
         residual: Tensor,
     ) -> Tensor:
         """Numbers (B, 9) that tell how well the match holds together."""
-        residual = _middle(residual.reshape_as(likeness), 4).flatten(1)
-        on4, on8 = _middle(object4, 4).flatten(1), _middle(object8, 8).flatten(1)
-        volume, likeness = _middle(volume, 8), _middle(likeness, 4)
-        visible = torch.sigmoid(_middle(fine.visibility, 4)).flatten(1)
-        trusted = torch.sigmoid(_middle(fine.weight, 4)).flatten(1)
+        on4, on8 = object4.flatten(1), object8.flatten(1)
+        visible = torch.sigmoid(fine.visibility).flatten(1)
+        trusted = torch.sigmoid(fine.weight).flatten(1)
         pairs = (residual * trusted * on4).sum(1) / ((trusted * on4).sum(1) + 1e-3)
         return torch.stack(
             [
@@ -272,26 +271,6 @@ class CompactCorrelationNet(nn.Module):
         fine = self.fine_decode(side_by_side(volume, start / 16, context))
         middle = correlation[:, correlation.shape[1] // 2]
         return dense_prediction(self.fine_answer(fine), start, 4.0), fine, middle
-
-
-def _pooled(
-    hidden: Tensor, attention: Tensor, object8: Tensor, fine_hidden: Tensor, object4: Tensor
-) -> list[Tensor]:
-    """Features that the confidence is told, each (B, C): of the middle of larger patches."""
-    hidden, attention, object8 = (_middle(one, 8) for one in (hidden, attention, object8))
-    fine_hidden, object4 = _middle(fine_hidden, 4), _middle(object4, 4)
-    return [
-        attention_pool(hidden, attention),
-        attention_pool(hidden, object8),
-        attention_pool(fine_hidden, object4),
-        functional.adaptive_max_pool2d(fine_hidden * object4, 1)[..., 0, 0],
-    ]
-
-
-def _middle(maps: Tensor, stride: int) -> Tensor:
-    """The cells of maps (..., n, n) that a patch of the usual size has in the middle of theirs."""
-    margin = (maps.shape[-1] - PATCH_SIZE // stride) // 2
-    return maps[..., margin:-margin, margin:-margin] if margin else maps
 
 
 def _mean(values: Tensor, where: Tensor) -> Tensor:
