@@ -72,7 +72,8 @@ def test_points_of_a_larger_patch_are_the_same_in_its_middle() -> None:
     mask = (depth > 0.2).float()
     pixels, covered = object_pixels(mask, 8)
     assert torch.equal(mask[0, 0, pixels[0, :, 1], pixels[0, :, 0]], covered[0])
-    assert (pixels // 8 == cell_pixels(8, 192) // 8).all()
+    y, x = torch.meshgrid(torch.arange(24), torch.arange(24), indexing="ij")
+    assert (pixels // 8 == torch.stack([x, y], -1).reshape(-1, 2)).all()
 
 
 def test_points_project_back_to_their_pixels() -> None:

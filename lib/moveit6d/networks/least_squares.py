@@ -20,9 +20,9 @@ LONGEST = 40.0  # action units, of a delta on any axis
 _SHARPEST = 2.5  # logarithm of how much better than average the better direction may be known
 
 
-def cell_pixels(stride: int, size: int = PATCH_SIZE) -> Tensor:
+def cell_pixels(stride: int) -> Tensor:
     """Patch pixel (x, y) that stands for each cell of a stride-s grid, row by row: (cells, 2)."""
-    line = torch.arange(size // stride) * stride + stride // 2
+    line = torch.arange(PATCH_SIZE // stride) * stride + stride // 2
     y, x = torch.meshgrid(line, line, indexing="ij")
     return torch.stack([x, y], -1).reshape(-1, 2)
 
