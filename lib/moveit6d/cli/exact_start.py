@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ..datasets.video import VideoFrame
     from ..evaluation.run_tracker import AnyTracker
 
-TOLD = 0.01  # difference in size from which users are told: half of what scans and lenses leave
+TOLD = 0.01  # difference in size from which users are told
 
 
 def from_exact_start(

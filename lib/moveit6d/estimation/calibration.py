@@ -21,12 +21,11 @@ from ..rendering.renderer import Renderer
 from .refine import refine_starts
 from .results import Start
 
-LEAST_GAIN = 0.3  # of less a mesh's size is not what the depth goes by
 SAME_SIZE = 5e-4  # a twentieth of a pixel
 
 
 @dataclass(frozen=True)
-class Pulls:
+class DepthUpdates:
     """Where updates from starts around an exact pose lead, one value a start.
 
     `units` of t_z past the exact pose, `nearer` the logarithm of the factor by which they are
@@ -55,18 +54,18 @@ def seen_size(
     reads follows a mesh's size by a part of it alone, that is more than it says of the mesh given.
     """
     settings = config.calibration
-    first = _pulls(exact, policy, renderer, config, target)
+    first = _depth_updates(exact, policy, renderer, config, target)
     if first is None:
         return 1.0
     nearer = float(first.nearer.mean())
     if abs(nearer) < SAME_SIZE:
         return 1.0
     larger = replace(exact, mesh=exact.mesh.scaled(float(np.exp(nearer))))
-    second = _pulls(larger, policy, renderer, config, target)
+    second = _depth_updates(larger, policy, renderer, config, target)
     if second is None:
         return 1.0
     gain = 1 - float(second.nearer.mean()) / nearer
-    if gain < LEAST_GAIN:
+    if gain < settings.least_gain:
         return 1.0
     most = np.log1p(settings.max_size)
     size = np.clip(nearer / gain, -most, most)
@@ -82,16 +81,16 @@ def depth_bias(
     Read as `seen_size`; 0 where that is 1 without looking.
     """
     settings = config.calibration
-    pulls = _pulls(exact, policy, renderer, config, target)
-    if pulls is None:
+    updates = _depth_updates(exact, policy, renderer, config, target)
+    if updates is None:
         return 0.0
-    bias = settings.share * pulls.agreement(settings.disagreement) * pulls.units.mean()
+    bias = settings.share * updates.agreement(settings.disagreement) * updates.units.mean()
     return float(np.clip(bias, -settings.max_bias, settings.max_bias))
 
 
-def _pulls(
+def _depth_updates(
     exact: Start, policy: Policy, renderer: Renderer, config: TrackerConfig, target: int
-) -> Pulls | None:
+) -> DepthUpdates | None:
     """One update each from starts around the pose; None where no update can be read."""
     settings, loop = config.calibration, config.loop
     if mode_of(policy, loop.mode) is ActionMode.SINGLE or not loop.fine_stage:
@@ -111,7 +110,7 @@ def _pulls(
     units = [float(pose_delta(exact.centred, end, diameter / loop.fine_scale)[2]) for end in ends]
     distance = exact.centred.translation.norm()
     nearer = [float(torch.log(distance / end.translation.norm())) for end in ends]
-    return Pulls(np.array(units), np.array(nearer))
+    return DepthUpdates(np.array(units), np.array(nearer))
 
 
 def _action(delta: np.ndarray) -> PoseAction:

@@ -130,18 +130,17 @@ def _augmented(
     larger = isinstance(policy, NetworkPolicy) and policy.takes_larger_crops
     size = loop.augment_size if larger else PATCH_SIZE
     usual = once_more(starts, results, policy=views, renderer=renderer, loop=loop)
-    moved, spent = usual, 0.0
+    moved = usual
     if size != PATCH_SIZE:
         moved = once_more(starts, results, policy=views, renderer=renderer, loop=loop, size=size)
     for i, last in moved.items():
-        if moved is not usual:
-            spent = usual[i].milliseconds
         if last.centred is not None:
+            spent = last.milliseconds + (0.0 if last is usual[i] else usual[i].milliseconds)
             found[i] = replace(
                 found[i],
                 centred=last.centred,
                 confidence=usual[i].confidence,
                 iterations=found[i].iterations + 1,
-                milliseconds=found[i].milliseconds + last.milliseconds + spent,
+                milliseconds=found[i].milliseconds + spent,
             )
     return found

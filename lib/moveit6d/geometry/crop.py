@@ -57,6 +57,8 @@ class View:
 
     def widened(self, size: int) -> View:
         """The same cameras with patches of size × size pixels: more around the object shows."""
+        if size == PATCH_SIZE:  # every iteration's
+            return self
         intrinsics = self.intrinsics.clone()
         intrinsics[..., :2, 2] += (size - PATCH_SIZE) / 2
         return View(self.rotation, intrinsics, self.distance)
